@@ -1,0 +1,1 @@
+"""Cloth on moving bones."""

@@ -1,0 +1,55 @@
+"""What a simulation leaves behind."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.colliders import Collider
+from skeleton.track import BoneTrack
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """A simulated cloth on its bones over F frames, and how the run went.
+
+    Attributes:
+        name: what it is called, by default the clip's name.
+        bones: the bones' poses at the F frames; every bone that the colliders name is among them.
+        colliders: what the cloth couldn't enter.
+        triangles: vertex indices of the T triangles, shape (T, 3).
+        texcoords: texture coordinates of the V vertices, 0 to 1 over the cloth, shape (V, 2).
+        positions: of the V vertices in the world [m], single precision, shape (F, V, 3).
+        stretch_max: largest strain of a structural edge in each frame (0.01 is 1 %), shape (F,).
+        stretch_p99: its 99th percentile over all edges and frames.
+        penetration: deepest penetration of a vertex into a collider in each frame [m], 0 where none is, shape (F,).
+        penetrated: index of the collider of that penetration, -1 for none, shape (F,).
+        kinetic_energy: of the cloth at each frame [J], shape (F,).
+        solver: name of the solver.
+        substeps: steps in each frame.
+        compile_s: time spent on compiling before the first step [s].
+        solve_s: time spent on the steps of the F frames [s].
+        result: "finished", "finished with warnings" or "diverged at frame N".
+        warnings: what to look at, a sentence each.
+    """
+
+    name: str
+    bones: BoneTrack
+    colliders: Sequence[Collider]
+    triangles: NDArray[np.int32]
+    texcoords: NDArray[np.float32]
+    positions: NDArray[np.float32]
+    stretch_max: FloatArray
+    stretch_p99: float
+    penetration: FloatArray
+    penetrated: NDArray[np.int64]
+    kinetic_energy: FloatArray
+    solver: str
+    substeps: int
+    compile_s: float
+    solve_s: float
+    result: str = "finished"
+    warnings: tuple[str, ...] = field(default=())

@@ -1,0 +1,1 @@
+"""Characters: joint trees as Pinocchio models, their bones in the world, capsules around their limbs."""
