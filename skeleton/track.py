@@ -1,17 +1,25 @@
 """The plug between whatever moves bones and the cloth: world poses of named bones over time, as plain arrays."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from motions import quaternions
+from motions.errors import UnknownNameError, ValueRangeError
 
 FloatArray = NDArray[np.float64]
+
+_UNIT_TOLERANCE = 1e-6
+"""How far the length of a given quaternion may be from 1: beyond single precision's rounding it is a mistake."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoneTrack:
     """World poses of B bones over F frames, right-handed and Z up.
+
+    The arrays are copied and made read-only; quaternions are normalised and made continuous over the frames.
 
     Attributes:
         names: names of the bones, unique.
@@ -20,6 +28,10 @@ class BoneTrack:
         rotations_wxyz: unit quaternions (w, x, y, z) bone_to_world, shape (F, B, 4), signs continuous over frames.
         parents: index of each bone's parent among `names`, -1 for none, shape (B,); only drawings need it.
         roles: name of the bone that plays each role, such as {"left_shoulder": "LeftCollar"}.
+
+    Raises:
+        ValueRangeError: shapes don't match, a number isn't finite, times don't increase, a quaternion isn't of unit
+            length, a name occurs twice or a role's bone isn't among the names.
     """
 
     names: tuple[str, ...]
@@ -28,3 +40,177 @@ class BoneTrack:
     rotations_wxyz: FloatArray
     parents: NDArray[np.int64] | None = None
     roles: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self):
+        """Copy, check and freeze the arrays."""
+        names = tuple(self.names)
+        times, positions, rotations = (
+            np.array(array, dtype=float) for array in (self.times, self.positions, self.rotations_wxyz)
+        )
+        if repeated := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueRangeError(f"bone names must be unique; given twice: {', '.join(repeated)}")
+        _check_shape("times", times, (times.size,))
+        if times.size == 0:
+            raise ValueRangeError("a track needs at least one frame, got none")
+        _check_shape("positions", positions, (times.size, len(names), 3))
+        _check_shape("rotations_wxyz", rotations, (times.size, len(names), 4))
+        for label, array in (("times", times), ("positions", positions), ("rotations_wxyz", rotations)):
+            if not np.isfinite(array).all():
+                raise ValueRangeError(
+                    f"{label} must be finite, got NaN or infinity at index {_first(~np.isfinite(array))}"
+                )
+        if (stalled := np.diff(times) <= 0).any():
+            raise ValueRangeError(
+                f"times must increase, but frame {_first(stalled)[0] + 1} is not after the one before"
+            )
+        if (off := np.abs(np.linalg.norm(rotations, axis=-1) - 1) > _UNIT_TOLERANCE).any():
+            frame, bone = _first(off)
+            raise ValueRangeError(
+                f"rotations_wxyz must be unit quaternions, that of {names[bone]!r} at frame {frame} is not"
+            )
+        parents = None if self.parents is None else np.array(self.parents, dtype=np.int64)
+        if parents is not None:
+            _check_shape("parents", parents, (len(names),))
+            if ((parents < -1) | (parents >= len(names))).any():
+                raise ValueRangeError(f"parents must lie between -1 and {len(names) - 1}, got {parents.tolist()}")
+        for role, bone in self.roles.items():
+            if bone not in names:
+                raise ValueRangeError(
+                    f"the role {role!r} is given to {bone!r}, which is not among the bones: {', '.join(names)}"
+                )
+        frozen = {
+            "names": names,
+            "times": times,
+            "positions": positions,
+            "rotations_wxyz": quaternions.make_continuous(quaternions.normalize(rotations)),
+            "parents": parents,
+            "roles": dict(self.roles),
+        }
+        for name, value in frozen.items():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames F."""
+        return len(self.times)
+
+    @property
+    def fps(self) -> float:
+        """Mean number of frames per second.
+
+        Raises:
+            ValueRangeError: the track has a single frame.
+        """
+        if self.frames < 2:
+            raise ValueRangeError("a track of one frame has no frame rate")
+        return (self.frames - 1) / float(self.times[-1] - self.times[0])
+
+    def index(self, bone: str) -> int:
+        """Place among `names` of a bone given by its name or by its role; a name wins over a role.
+
+        Raises:
+            UnknownNameError: there is neither; lists the bones.
+        """
+        name = bone if bone in self.names else self.roles.get(bone)
+        if name is None:
+            raise UnknownNameError("bone", bone, self.names, _roles_hint(self.roles))
+        return self.names.index(name)
+
+    def select(self, bones: Sequence[str]) -> "BoneTrack":
+        """The track of just these bones, given by name or role, in this order.
+
+        A bone's parent becomes its nearest ancestor among the selected; roles of bones left out are dropped.
+
+        Raises:
+            UnknownNameError: there is no such bone.
+        """
+        chosen = list(dict.fromkeys(self.index(bone) for bone in bones))
+        names = tuple(self.names[i] for i in chosen)
+        return BoneTrack(
+            names,
+            self.times,
+            self.positions[:, chosen],
+            self.rotations_wxyz[:, chosen],
+            None if self.parents is None else nearest_parents(self.parents, chosen),
+            {role: bone for role, bone in self.roles.items() if bone in names},
+        )
+
+    def at(self, frame: int) -> tuple[FloatArray, FloatArray]:
+        """Poses at a frame, negative from the end: positions [m], shape (B, 3), and rotations_wxyz, shape (B, 4).
+
+        Raises:
+            ValueRangeError: there is no such frame.
+        """
+        if not -self.frames <= frame < self.frames:
+            raise ValueRangeError(
+                f"there is no frame {frame}: the track has {self.frames} frames, 0 to {self.frames - 1}"
+            )
+        return self.positions[frame], self.rotations_wxyz[frame]
+
+    def sample(self, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Poses at any time: positions on the straight line between frames, rotations at constant angular velocity.
+
+        Before the first and after the last frame the bones stand still.
+
+        Args:
+            t: times [s], any shape (...).
+
+        Returns:
+            Positions [m], shape (..., B, 3), and unit quaternions bone_to_world, shape (..., B, 4).
+
+        Raises:
+            ValueRangeError: a time isn't finite.
+        """
+        t = np.asarray(t, dtype=float)
+        if not np.isfinite(t).all():
+            raise ValueRangeError("times to sample must be finite, got NaN or infinity")
+        if self.frames == 1:
+            once = np.zeros(t.shape, dtype=np.int64)
+            return self.positions[once], self.rotations_wxyz[once]
+        before = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, self.frames - 2)
+        fraction = np.clip((t - self.times[before]) / (self.times[before + 1] - self.times[before]), 0, 1)[..., None]
+        weight = fraction[..., None]
+        positions = (1 - weight) * self.positions[before] + weight * self.positions[before + 1]
+        rotations = quaternions.slerp(self.rotations_wxyz[before], self.rotations_wxyz[before + 1], fraction)
+        return positions, rotations
+
+    def resample(self, fps: float) -> "BoneTrack":
+        """The same motion at another frame rate [1/s], from the first frame on as long as it lasts.
+
+        Raises:
+            ValueRangeError: the frame rate isn't positive.
+        """
+        if not (np.isfinite(fps) and fps > 0):
+            raise ValueRangeError(f"the frame rate must be positive, got {fps}")
+        duration = float(self.times[-1] - self.times[0])
+        # A last frame that rounding puts a hair after the end still counts.
+        times = self.times[0] + np.arange(int(duration * fps + 1e-6) + 1) / fps
+        return BoneTrack(self.names, times, *self.sample(times), self.parents, self.roles)
+
+
+def nearest_parents(parents: Sequence[int] | NDArray[np.int64], chosen: Sequence[int]) -> NDArray[np.int64]:
+    """Nearest chosen ancestor of each chosen bone, as an index into `chosen`, -1 for none, shape (len(chosen),)."""
+    place = {bone: i for i, bone in enumerate(chosen)}
+    result = []
+    for bone in chosen:
+        ancestor = int(parents[bone])
+        while ancestor >= 0 and ancestor not in place:
+            ancestor = int(parents[ancestor])
+        result.append(place.get(ancestor, -1))
+    return np.array(result, dtype=np.int64)
+
+
+def _check_shape(label: str, array: NDArray, shape: tuple[int, ...]) -> None:
+    if array.shape != shape:
+        raise ValueRangeError(f"{label} must have the shape {shape}, got {array.shape}")
+
+
+def _first(mask: NDArray[np.bool_]) -> tuple[int, ...]:
+    """Index of the first true element."""
+    return tuple(int(i) for i in np.argwhere(mask)[0])
+
+
+def _roles_hint(roles: Mapping[str, str]) -> str:
+    return f"Roles: {', '.join(roles)}" if roles else ""

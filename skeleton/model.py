@@ -1,0 +1,323 @@
+"""A joint tree as a Pinocchio model, and the world poses of its bones in a motion."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from motions import quaternions
+from motions.clip import Clip
+from motions.errors import FileError, UnknownNameError, ValueRangeError
+from motions.roles import find_roles, require_role
+from skeleton.capsules import Capsule, body_capsules
+from skeleton.rest import RestPose, mean_rotations
+from skeleton.robots import find_urdf, known_roles
+from skeleton.track import BoneTrack, nearest_parents
+
+if TYPE_CHECKING:
+    import pinocchio
+
+FloatArray = NDArray[np.float64]
+
+_WXYZ_TO_XYZW = [1, 2, 3, 0]
+_XYZW_TO_WXYZ = [3, 0, 1, 2]
+
+_STILL = 1e-12
+"""Joint positions that vary by less [m] are constant: rounding, far below the 1e-9 m that poses are good for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """A body: a tree of joints, each carrying the bone of the same name.
+
+    Attributes:
+        model: the Pinocchio model; joint i + 1 carries bone i.
+        bones: names of the B bones, parents first.
+        parents: index of each bone's parent, -1 for none, shape (B,).
+        roles: name of the bone of each role that was found, such as {"left_shoulder": "LeftCollar"}.
+        rest: the bones in a typical pose.
+        is_robot: whether a motion is an array of configurations; otherwise it is a Clip.
+    """
+
+    model: "pinocchio.Model"
+    bones: tuple[str, ...]
+    parents: NDArray[np.int64]
+    roles: Mapping[str, str]
+    rest: RestPose
+    is_robot: bool
+
+    @staticmethod
+    def from_clip(clip: Clip, *, roles: Mapping[str, str] | None = None) -> "Skeleton":
+        """The body that a clip moves: a free-flying root, and a ball joint for every other joint.
+
+        A joint whose position in its parent's frame varies over the clip is free-flying too. End sites become
+        operational frames named after their joint.
+
+        Args:
+            clip: any motion of the body; all of its frames serve to find a typical pose.
+            roles: joint names for roles that aren't found or are found wrongly; they win.
+
+        Raises:
+            UnknownNameError: an override's role or joint doesn't exist.
+        """
+        found = find_roles(clip.joints, clip.parents.tolist(), roles)
+        model = _model_of_clip(clip)
+        local = clip.offsets[None] if clip.local_positions is None else clip.local_positions.mean(axis=0, keepdims=True)
+        typical = _configurations(model, np.zeros((1, 3)), mean_rotations(clip.rotations_wxyz)[None], local)[0]
+        rest = _rest_pose(model, typical, found, clip.end_parents, clip.end_offsets)
+        return Skeleton(model, rest.bones, rest.parents, found, rest, is_robot=False)
+
+    @staticmethod
+    def from_urdf(
+        path_or_name: str | Path, *, roles: Mapping[str, str] | None = None, floating_base: bool = True
+    ) -> "Skeleton":
+        """A robot from a URDF file, or by its name in example-robot-data (`skeleton.ROBOTS`).
+
+        Args:
+            path_or_name: "walker.urdf" or "g1".
+            roles: joint names for roles that aren't found or are found wrongly; they win.
+            floating_base: whether the root moves freely; it is then the bone "root_joint" and the first seven numbers
+                of a configuration, position [m] and quaternion (x, y, z, w).
+
+        Raises:
+            UnknownNameError: no robot of that name, or an override's role or joint doesn't exist.
+            FileError: the file is missing or Pinocchio can't read it.
+        """
+        import pinocchio as pin
+
+        path, _ = find_urdf(path_or_name)
+        try:
+            base = (pin.JointModelFreeFlyer(),) if floating_base else ()
+            model = pin.buildModelFromUrdf(str(path), *base)
+        except (ValueError, RuntimeError) as error:
+            raise FileError(f"{path} can't be read as URDF: {' '.join(str(error).split())}") from None
+        if model.njoints < 2:
+            raise FileError(f"{path} has no joint that moves")
+        names = tuple(model.names)[1:]
+        parents = np.array(model.parents.tolist()[1:]) - 1
+        given = {role: joint for role, joint in known_roles(path_or_name).items() if joint in names}
+        found = find_roles(names, parents.tolist(), {**given, **(roles or {})})
+        rest = _rest_pose(model, pin.neutral(model), found, np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+        return Skeleton(model, names, parents, found, rest, is_robot=True)
+
+    def role(self, name: str) -> str:
+        """Name of the bone that plays a role.
+
+        Raises:
+            UnknownNameError: there is no such role or no bone for it; lists the bones and says how to name one by hand.
+        """
+        return require_role(name, self.roles, self.bones)
+
+    def bone(self, bone_or_role: str) -> int:
+        """Index of a bone given by its name or its role; a name wins over a role.
+
+        Raises:
+            UnknownNameError: there is neither; lists the bones.
+        """
+        name = bone_or_role if bone_or_role in self.bones else self.roles.get(bone_or_role)
+        if name is None:
+            raise UnknownNameError("bone", bone_or_role, self.bones, f"Roles: {', '.join(self.roles) or 'none'}")
+        return self.bones.index(name)
+
+    def height(self) -> float:
+        """Standing height [m] from the lengths of legs, trunk and neck.
+
+        Raises:
+            UnknownNameError: a leg's or an arm's role has no bone.
+        """
+        return self.rest.height
+
+    def shoulder_width(self) -> float:
+        """Distance between the two upper-arm joints [m].
+
+        Raises:
+            UnknownNameError: an upper arm's role has no bone.
+        """
+        return self.rest.shoulder_width
+
+    def capsules(
+        self,
+        *,
+        radii: Mapping[str, float] | None = None,
+        only: Sequence[str] | None = None,
+        scale: float = 1.0,
+        height: float | None = None,
+        friction: float | None = None,
+    ) -> tuple[Capsule, ...]:
+        """Capsules around head, trunk and limbs; see `skeleton.capsules.body_capsules`."""
+        return body_capsules(self.rest, radii=radii, only=only, scale=scale, height=height, friction=friction)[0]
+
+    def capsules_left_out(self) -> dict[str, str]:
+        """Why each capsule that a whole body would have is missing, such as {"head": "no bone for the role 'head'"}."""
+        return body_capsules(self.rest)[1]
+
+    def track(
+        self,
+        motion: Clip | ArrayLike,
+        bones: Sequence[str] | None = None,
+        *,
+        fps: float | None = None,
+        times: ArrayLike | None = None,
+    ) -> BoneTrack:
+        """World poses of bones in a motion, by Pinocchio's forward kinematics.
+
+        Args:
+            motion: a clip with the body's joints; for a robot its configurations, shape (F, nq), in Pinocchio's order.
+            bones: names or roles of the bones to read out, all by default. What isn't asked for isn't read.
+            fps: frames per second of the configurations; a clip has its own.
+            times: times of the configurations [s], increasing, shape (F,), instead of `fps`.
+
+        Raises:
+            UnknownNameError: there is no such bone.
+            ValueRangeError: the motion doesn't fit the body, holds NaN, or `fps` and `times` are missing or contradict.
+        """
+        chosen = range(len(self.bones)) if bones is None else dict.fromkeys(self.bone(bone) for bone in bones)
+        chosen = list(chosen)
+        if isinstance(motion, Clip):
+            if self.is_robot:
+                raise ValueRangeError(f"a robot's motion is an array of configurations, got the clip {motion.name!r}")
+            configurations = self._fit_clip(motion)
+            times = np.arange(len(configurations)) / motion.fps if times is None else np.asarray(times, dtype=float)
+        else:
+            configurations = self._fit_configurations(motion)
+            times = _times_of(len(configurations), fps, times)
+        positions, rotations = _forward_kinematics(self.model, configurations, chosen)
+        names = tuple(self.bones[i] for i in chosen)
+        roles = {role: bone for role, bone in self.roles.items() if bone in names}
+        return BoneTrack(names, times, positions, rotations, nearest_parents(self.parents, chosen), roles)
+
+    def _fit_clip(self, clip: Clip) -> FloatArray:
+        """Configurations of a clip, whose joints may come in another order."""
+        if missing := [bone for bone in self.bones if bone not in clip.joints]:
+            raise ValueRangeError(
+                f"the clip {clip.name!r} doesn't move this body: it lacks {', '.join(missing)}; "
+                f"its joints: {', '.join(clip.joints)}"
+            )
+        order = [clip.joints.index(bone) for bone in self.bones]
+        moving = np.isnan(_constant_offsets(clip)[order]).any(axis=1)
+        free = np.array(self.model.nqs.tolist()[1:]) == 7
+        if stray := [bone for bone, is_stray in zip(self.bones, moving & ~free, strict=True) if is_stray]:
+            raise ValueRangeError(
+                f"in the clip {clip.name!r} these joints change their place, in the clip that this body was made from "
+                f"they don't: {', '.join(stray)}"
+            )
+        local = (clip.offsets[None] if clip.local_positions is None else clip.local_positions)[:, order]
+        return _configurations(self.model, clip.root_positions, clip.rotations_wxyz[:, order], local)
+
+    def _fit_configurations(self, motion: ArrayLike) -> FloatArray:
+        """Configurations given as an array, checked, their quaternions brought to unit length."""
+        import pinocchio as pin
+
+        configurations = np.array(motion, dtype=float)
+        if configurations.ndim != 2 or configurations.shape[1] != self.model.nq or not len(configurations):
+            raise ValueRangeError(
+                f"configurations must have the shape (frames, {self.model.nq}), got {configurations.shape}"
+            )
+        if not np.isfinite(configurations).all():
+            frame = int(np.argwhere(~np.isfinite(configurations))[0, 0])
+            raise ValueRangeError(f"the configuration of frame {frame} holds NaN or infinity")
+        return np.array([pin.normalize(self.model, q) for q in configurations])
+
+
+def _model_of_clip(clip: Clip) -> "pinocchio.Model":
+    """A free-flying joint for the root and for joints that change place, ball joints for the others."""
+    import pinocchio as pin
+
+    offsets = _constant_offsets(clip)
+    model = pin.Model()
+    model.name = clip.name
+    for joint, (name, parent) in enumerate(zip(clip.joints, clip.parents.tolist(), strict=True)):
+        free = parent < 0 or np.isnan(offsets[joint]).any()
+        kind = pin.JointModelFreeFlyer() if free else pin.JointModelSpherical()
+        placement = pin.SE3.Identity() if free else pin.SE3(np.eye(3), offsets[joint])
+        model.addJoint(parent + 1, kind, placement, name)
+    for number, (joint, offset) in enumerate(zip(clip.end_parents.tolist(), clip.end_offsets, strict=True)):
+        end = pin.Frame(f"{clip.joints[joint]} end {number}", joint + 1, pin.SE3(np.eye(3), offset), pin.OP_FRAME)
+        model.addFrame(end)
+    return model
+
+
+def _constant_offsets(clip: Clip) -> FloatArray:
+    """Position of each joint in its parent's frame [m], shape (J, 3); NaN for a joint whose position varies."""
+    if clip.local_positions is None:
+        return clip.offsets
+    varies = np.ptp(clip.local_positions, axis=0).max(axis=1) > _STILL
+    return np.where(varies[:, None], np.nan, clip.local_positions[0])
+
+
+def _configurations(
+    model: "pinocchio.Model",
+    root_positions: FloatArray,
+    rotations_wxyz: FloatArray,
+    local_positions: FloatArray,
+) -> FloatArray:
+    """Configurations of a clip's model: poses of its joints in their parents' frames, shape (F, nq).
+
+    Args:
+        model: the model of a clip.
+        root_positions: of the root in the world [m], shape (F, 3).
+        rotations_wxyz: unit quaternions joint_to_parent, shape (F, J, 4).
+        local_positions: of the joints in their parents' frames [m], shape (F, J, 3) or (1, J, 3).
+    """
+    configurations = np.empty((len(rotations_wxyz), model.nq))
+    for joint, (start, size) in enumerate(zip(model.idx_qs.tolist()[1:], model.nqs.tolist()[1:], strict=True)):
+        if size == 7:
+            is_root = model.parents[joint + 1] == 0
+            configurations[:, start : start + 3] = root_positions if is_root else local_positions[:, joint]
+        configurations[:, start + size - 4 : start + size] = rotations_wxyz[:, joint, _WXYZ_TO_XYZW]
+    return configurations
+
+
+def _rest_pose(
+    model: "pinocchio.Model",
+    configuration: FloatArray,
+    roles: Mapping[str, str],
+    end_parents: NDArray[np.int64],
+    end_offsets: FloatArray,
+) -> RestPose:
+    """The bones where a configuration puts them; a joint of one axis is one of several that turn a limb."""
+    names = tuple(model.names)[1:]
+    positions, rotations = _forward_kinematics(model, configuration[None], range(len(names)))
+    return RestPose(
+        bones=names,
+        parents=np.array(model.parents.tolist()[1:], dtype=np.int64) - 1,
+        roles=roles,
+        positions=positions[0],
+        rotations_wxyz=rotations[0],
+        end_parents=end_parents,
+        end_offsets=end_offsets,
+        single_axis=np.array(model.nvs.tolist()[1:]) == 1,
+    )
+
+
+def _forward_kinematics(
+    model: "pinocchio.Model", configurations: FloatArray, bones: Sequence[int]
+) -> tuple[FloatArray, FloatArray]:
+    """World positions [m], shape (F, B, 3), and unit quaternions bone_to_world, shape (F, B, 4), of the asked bones."""
+    import pinocchio as pin
+
+    data = model.createData()
+    # Views into Pinocchio's memory: three times faster than asking for each placement anew.
+    placements = [data.oMi[bone + 1] for bone in bones]
+    origins = [placement.translation for placement in placements]
+    matrices = [placement.rotation for placement in placements]
+    positions = np.empty((len(configurations), len(bones), 3))
+    rotations = np.empty((len(configurations), len(bones), 3, 3))
+    for frame, configuration in enumerate(configurations):
+        pin.forwardKinematics(model, data, configuration)
+        positions[frame], rotations[frame] = origins, matrices
+    return positions, quaternions.from_matrix(rotations)
+
+
+def _times_of(frames: int, fps: float | None, times: ArrayLike | None) -> FloatArray:
+    """Times of the frames of an array of configurations [s], shape (F,)."""
+    if (fps is None) == (times is None):
+        raise ValueRangeError("configurations need either fps or times, got " + ("none" if fps is None else "both"))
+    if fps is None:
+        return np.asarray(times, dtype=float)
+    if not (np.isfinite(fps) and fps > 0):
+        raise ValueRangeError(f"the frame rate must be positive, got {fps}")
+    return np.arange(frames) / fps

@@ -1,0 +1,116 @@
+"""Where the humanoid robots of the package example-robot-data are, and which joints play their roles."""
+
+import importlib.metadata
+from collections.abc import Mapping
+from pathlib import Path
+
+from motions.errors import FileError, UnknownNameError
+
+_URDF_OF = {
+    "g1": "g1_description/urdf/g1_29dof_rev_1_0.urdf",
+    "talos": "talos_data/robots/talos_reduced.urdf",
+    "romeo": "romeo_description/urdf/romeo.urdf",
+    "icub": "icub_description/robots/icub.urdf",
+    "human": "human_description/robots/human.urdf",
+    "simple_humanoid": "simple_humanoid_description/urdf/simple_humanoid.urdf",
+}
+
+ROBOTS: tuple[str, ...] = tuple(_URDF_OF)
+"""Names that `find_urdf` knows."""
+
+
+def find_urdf(path_or_name: str | Path) -> tuple[Path, Path]:
+    """The file of a robot given by its path or by its name in example-robot-data, and the folder of its packages.
+
+    Returns:
+        Path of the URDF file, and the folder in which `package://` addresses of meshes are looked up.
+
+    Raises:
+        UnknownNameError: neither a file nor the name of a robot; lists the robots.
+        FileError: the path is a directory, or example-robot-data isn't installed.
+    """
+    name = str(path_or_name)
+    if name in _URDF_OF:
+        share = _share_folder()
+        return share / "example-robot-data" / "robots" / _URDF_OF[name], share
+    path = Path(path_or_name)
+    if path.is_dir():
+        raise FileError(f"{path} is a directory, not a URDF file")
+    if path.is_file():
+        return path, path.parent
+    if path.suffix or len(path.parts) > 1:
+        raise FileError(f"there is no file {path}; robots known by name: {', '.join(ROBOTS)}")
+    raise UnknownNameError("robot", name, ROBOTS, "Or give the path of a URDF file")
+
+
+def known_roles(path_or_name: str | Path) -> Mapping[str, str]:
+    """Joints of the roles of a robot whose joints' names don't tell, empty for any other."""
+    return _ROLES_OF.get(str(path_or_name), {})
+
+
+def _share_folder() -> Path:
+    try:
+        distribution = importlib.metadata.distribution("example-robot-data")
+    except importlib.metadata.PackageNotFoundError:
+        raise FileError("the package example-robot-data, which holds the robots, is not installed") from None
+    return Path(str(distribution.locate_file("cmeel.prefix/share")))
+
+
+def _both_sides(limbs: Mapping[str, str]) -> dict[str, str]:
+    """Roles of both sides from a pattern of each limb's joint, with {side} for left or right and {S} for L or R."""
+    return {
+        f"{side}_{limb}": joint.format(side=side, S=side[0].upper())
+        for side in ("left", "right")
+        for limb, joint in limbs.items()
+    }
+
+
+_ROLES_OF: dict[str, dict[str, str]] = {
+    "talos": {
+        "pelvis": "root_joint",
+        "chest": "torso_2_joint",
+        "head": "head_2_joint",
+        **_both_sides(
+            {
+                "shoulder": "arm_{side}_1_joint",
+                "upper_arm": "arm_{side}_3_joint",
+                "forearm": "arm_{side}_4_joint",
+                "hand": "arm_{side}_7_joint",
+                "thigh": "leg_{side}_3_joint",
+                "shin": "leg_{side}_4_joint",
+                "foot": "leg_{side}_6_joint",
+            }
+        ),
+    },
+    "human": {
+        "pelvis": "root_joint",
+        "chest": "middle_thoracic_Y",
+        "neck": "middle_cervical_Y",
+        **_both_sides(
+            {
+                "shoulder": "{side}_clavicle_joint_X",
+                "upper_arm": "{side}_shoulder_Y",
+                "forearm": "{side}_elbow_Y",
+                "hand": "{side}_wrist_X",
+                "thigh": "{side}_hip_Y",
+                "shin": "{side}_knee_Z",
+                "foot": "{side}_ankle_X",
+            }
+        ),
+    },
+    "simple_humanoid": {
+        "pelvis": "root_joint",
+        "chest": "CHEST",
+        **_both_sides(
+            {
+                "shoulder": "CHEST",
+                "upper_arm": "{S}ARM_SHOULDER_Y",
+                "forearm": "{S}ARM_ELBOW",
+                "hand": "{S}ARM_WRIST_R",
+                "thigh": "{S}LEG_HIP_Y",
+                "shin": "{S}LEG_KNEE",
+                "foot": "{S}LEG_ANKLE_R",
+            }
+        ),
+    },
+}
