@@ -1,1 +1,24 @@
 """Motion clips: reading, writing, sampling, and the ones that come with the package."""
+
+from motions.bvh.writer import save
+from motions.clip import Clip, Poses
+from motions.errors import FileError, UnknownNameError, UserError, ValueRangeError
+from motions.loading import load
+from motions.roles import ROLES, find_roles, require_role
+from motions.shipped import clip_names, clip_path
+
+__all__ = [
+    "ROLES",
+    "Clip",
+    "FileError",
+    "Poses",
+    "UnknownNameError",
+    "UserError",
+    "ValueRangeError",
+    "clip_names",
+    "clip_path",
+    "find_roles",
+    "load",
+    "require_role",
+    "save",
+]

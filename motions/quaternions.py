@@ -1,7 +1,5 @@
 """Unit quaternions (w, x, y, z), vectorised: every function works on arrays of shape (..., 4) and broadcasts."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -164,25 +162,3 @@ def make_continuous(q: FloatArray) -> FloatArray:
     signs = np.ones(q.shape[:-1])
     signs[1:] = np.where(np.cumsum(flips, axis=0) % 2, -1.0, 1.0)
     return q * signs[..., None]
-
-
-def forward_kinematics(
-    parents: Sequence[int] | NDArray[np.int64], local_positions: FloatArray, local_rotations: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """World poses of a tree's joints.
-
-    Args:
-        parents: index of each joint's parent, before the joint itself, -1 for a root, J of them.
-        local_positions: in the parent's frame [m], broadcasts to (F, J, 3).
-        local_rotations: unit quaternions joint_to_parent, shape (F, J, 4).
-
-    Returns:
-        Positions [m], shape (F, J, 3), and unit quaternions joint_to_world, shape (F, J, 4).
-    """
-    rotations = np.array(local_rotations)
-    positions = np.array(np.broadcast_to(local_positions, (*rotations.shape[:-1], 3)))
-    for joint, parent in enumerate(parents):
-        if parent >= 0:
-            positions[:, joint] = positions[:, parent] + rotate(rotations[:, parent], positions[:, joint])
-            rotations[:, joint] = multiply(rotations[:, parent], rotations[:, joint])
-    return positions, rotations

@@ -93,7 +93,7 @@ def require_role(role: str, roles: Mapping[str, str], joints: Sequence[str]) -> 
     """Name of the joint that plays `role`.
 
     Raises:
-        UnknownNameError: there is no such role, or no joint was found for it; lists the joints and says how to name one.
+        UnknownNameError: there is no such role, or no joint was found for it; lists the joints and how to name one.
     """
     if role not in ROLES:
         raise UnknownNameError("role", role, ROLES)
@@ -137,7 +137,7 @@ class _Tree:
         return max(self.children[joint], key=lambda child: self.heights[child], default=None)
 
     def first(self, candidates: Sequence[int], names: Sequence["_Name"], below: int | None = None) -> int | None:
-        """The candidate nearest to the root, or below a given joint; of a robot's serial single-axis joints the last."""
+        """The candidate nearest to the root, or below a given joint; of a robot's serial axes the last."""
         if below is not None:
             candidates = [joint for joint in candidates if below in self.ancestors(joint)]
         if not candidates:

@@ -1,0 +1,131 @@
+"""The second half of a BVH file: one row of numbers a frame."""
+
+import re
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motions.bvh.hierarchy import LARGEST, Hierarchy, parse_number, why_no_number
+from motions.bvh.source import Source, shown
+
+FloatArray = NDArray[np.float64]
+
+_WHOLE_RATES = (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 75, 80, 90, 100, 120, 144, 150, 180, 200, 240, 250, 300)
+# NTSC video runs slower by 1000/1001.
+_USUAL_RATES = (*map(float, _WHOLE_RATES), *(rate / 1.001 for rate in (24, 30, 60, 120)))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The rows of a file.
+
+    Attributes:
+        fps: frames per second.
+        values: the channels' values in the file's unit and degrees, shape (F, columns).
+    """
+
+    fps: float
+    values: FloatArray
+
+
+def parse_motion(source: Source, start: int, hierarchy: Hierarchy) -> Motion:
+    """Read the motion from byte `start`, where the keyword MOTION stands.
+
+    A frame may be wrapped over lines but begins on a new one, so a lost or doubled number is found in its own line.
+
+    Raises:
+        FileError: a malformed header or number, more or fewer frames than declared, a frame of the wrong length.
+    """
+    frames, frame_time, body = _parse_header(source, start)
+    text = source.data[body:]
+    if not text.strip():
+        raise source.error(_last_line(source, body), f"the file declares {frames} frames and holds none")
+    blank = np.frombuffer(text, dtype=np.uint8) <= ord(" ")
+    starts = np.flatnonzero(~blank & np.concatenate([[True], blank[:-1]]))
+    values = _parse_numbers(source, body, starts)
+    _check_rows(source, body, starts, frames, hierarchy.columns)
+    return Motion(_frame_rate(frame_time), values.reshape(frames, hierarchy.columns))
+
+
+def _parse_header(source: Source, start: int) -> tuple[int, str, int]:
+    """Number of frames, frame time as written, and the offset at which the rows begin."""
+    data = source.data
+    motion = re.compile(rb"\s*MOTION\s*", re.IGNORECASE).match(data, start)
+    assert motion is not None
+    count = re.compile(rb"Frames[ \t]*:?[ \t]*([^\n]*?)[ \t]*(?:\n\s*|$)", re.IGNORECASE).match(data, motion.end())
+    if count is None:
+        raise source.error(_last_line(source, motion.end()), "expected 'Frames: N' after MOTION")
+    word = count[1].decode(errors="replace")
+    if not re.fullmatch(r"\+?\d{1,12}", word, re.ASCII) or int(word) == 0:
+        raise source.error(source.line_at(count.start(1)), f"{shown(word)} is not a number of frames, at least 1")
+    time = re.compile(rb"Frame[ \t]*Time[ \t]*:?[ \t]*([^\n]*?)[ \t]*(?:\n|$)", re.IGNORECASE).match(data, count.end())
+    if time is None:
+        raise source.error(_last_line(source, count.end()), "expected 'Frame Time: SECONDS' after the number of frames")
+    frame_time = time[1].decode(errors="replace")
+    seconds = parse_number(frame_time)
+    if seconds is None or not 1e-6 <= seconds <= 1e6:
+        why = why_no_number(frame_time) if seconds is None else f"{shown(frame_time)} is not a time above 0"
+        raise source.error(source.line_at(time.start(1)), f"Frame Time: {why}")
+    return int(word), frame_time, time.end()
+
+
+def _last_line(source: Source, offset: int) -> int:
+    """The line at an offset, or the last with text where nothing follows the offset."""
+    return source.line_at(min(offset, len(source.data.rstrip())))
+
+
+def _frame_rate(frame_time: str) -> float:
+    """Frames per second: the usual rate whose inverse the file states, rounded or cut off (.0083333 is 120), or 1/t."""
+    seconds = float(frame_time)
+    mantissa, _, exponent = frame_time.lower().partition("e")
+    last_digit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
+    for rate in _USUAL_RATES:
+        if abs(rate * seconds - 1) < 0.01 and -last_digit / 2 <= 1 / rate - seconds < last_digit:
+            return rate
+    return 1 / seconds
+
+
+def _parse_numbers(source: Source, body: int, starts: NDArray[np.int64]) -> FloatArray:
+    """All numbers of the rows, one for each word, whose starts are given relative to `body`."""
+    with warnings.catch_warnings():
+        # Where the text isn't a list of numbers, numpy warns (or, later, raises) and stops; the count shows it as well.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        try:
+            values = np.fromstring(source.data[body:], dtype=np.float64, sep=" ")
+        except ValueError:
+            values = np.empty(0)
+    if len(values) == len(starts) and np.all(np.abs(values) <= LARGEST):
+        return values
+    one_by_one = []
+    for start, word in zip(starts, source.data[body:].split(), strict=False):
+        text = word.decode(errors="replace")
+        number = parse_number(text)
+        if number is None:
+            raise source.error(source.line_at(body + start), why_no_number(text))
+        one_by_one.append(number)
+    return np.array(one_by_one)
+
+
+def _check_rows(source: Source, body: int, starts: NDArray[np.int64], frames: int, columns: int) -> None:
+    """Every frame must end where a line ends, and the last one at the end of the file."""
+    line_ends = np.flatnonzero(np.frombuffer(source.data, dtype=np.uint8, offset=body) == ord("\n"))
+    words_so_far = np.append(np.searchsorted(starts, line_ends), len(starts))
+    whole = len(starts) // columns
+    expected = np.arange(1, min(frames, whole) + 1) * columns
+    misplaced = np.flatnonzero(~np.isin(expected, words_so_far))
+    if len(misplaced):
+        frame = int(misplaced[0])
+        first = frame * columns
+        ends = np.unique(words_so_far[words_so_far > first])
+        # Lines up to the first that brings the frame to its full length.
+        values = int(ends[np.searchsorted(ends, first + columns)]) - first
+        short = int(ends[0]) - first
+        found = short if short < columns and values > columns else values
+        line = source.line_at(body + int(starts[first]))
+        raise source.error(line, f"frame {frame} has {found} values, but the channels add up to {columns}")
+    if whole < frames or len(starts) > frames * columns:
+        found = f"{whole} whole frames" + (f" and {len(starts) % columns} values" if len(starts) % columns else "")
+        last = body + int(starts[frames * columns]) if len(starts) > frames * columns else len(source.data.rstrip())
+        raise source.error(source.line_at(last), f"the file declares {frames} frames and holds {found}")

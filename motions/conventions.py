@@ -1,0 +1,125 @@
+"""What a BVH file leaves open and its reader has to decide: the up axis, the unit, whether frame 0 belongs to it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motions import stature
+from motions.errors import UnknownNameError, ValueRangeError
+
+FloatArray = NDArray[np.float64]
+
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "cmu": 0.0254 / 0.45}
+"""Metres in a unit. CMU's files come in units of 1/0.45 inch (mocap.cs.cmu.edu, faq)."""
+
+PLAUSIBLE = (1.4, 2.1)
+"""Heights of people [m]: a body in this range needs no remark."""
+
+POSSIBLE = (1.0, 2.6)
+"""Heights of children and giants [m]: with no plausible unit, a single one in this range is taken with a remark."""
+
+USUAL_HEIGHT = 1.7
+"""What a body is scaled to [m] where no unit makes it possible."""
+
+# A first step of this many body heights, and of this many times the largest of the next ten steps, is no motion: at 30
+# frames a second a sprinter's foot covers 0.2 heights a frame, but does so frame after frame.
+_JUMP, _JUMP_RATIO, JUMP_FRAMES = 0.2, 4.0, 12
+
+# to_z_up[axis] turns the file's axis to +z: rows are the axes of Z up in the file's.
+_TO_Z_UP = {
+    "z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "-z": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
+    "y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+    "-y": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+    "x": [[0, 0, -1], [0, 1, 0], [1, 0, 0]],
+    "-x": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]],
+}
+UP_AXES = tuple(_TO_Z_UP)
+
+
+def to_z_up(up: str) -> FloatArray:
+    """Rotation matrix file_to_world that turns the up axis to +z; y up gives (x, y, z) -> (x, -z, y).
+
+    Raises:
+        UnknownNameError: `up` isn't one of `UP_AXES`.
+    """
+    axis = up.lower().removeprefix("+")
+    if axis not in _TO_Z_UP:
+        raise UnknownNameError("up axis", up, UP_AXES)
+    return np.array(_TO_Z_UP[axis], dtype=float)
+
+
+def meters_per_unit(unit: str | float) -> float:
+    """Metres in a unit that is given by name or as the number itself.
+
+    Raises:
+        UnknownNameError: the name isn't one of `UNITS`.
+        ValueRangeError: the number isn't above 0, or beyond any use.
+    """
+    if isinstance(unit, str) and unit.lower() in UNITS:
+        return UNITS[unit.lower()]
+    try:
+        meters = float(unit)
+    except ValueError:
+        raise UnknownNameError("unit", str(unit), UNITS, "Or give the metres in a unit as a number") from None
+    if not 1e-9 <= meters <= 1e9:
+        raise ValueRangeError(f"a unit must be a number of metres above 0, not {meters:g}")
+    return meters
+
+
+def jumps_at_start(points: FloatArray, height: float) -> float | None:
+    """Whether the first frame is foreign to the motion, as the T-pose in front of CMU's files.
+
+    Args:
+        points: positions at the first frames, at most `JUMP_FRAMES` of them, shape (F, N, 3).
+        height: of the body, same unit.
+
+    Returns:
+        How far a point moves from the first frame to the second, in body heights, or None where it is no jump.
+    """
+    if len(points) < 3 or height <= 0:
+        return None
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=-1).max(axis=1) / height
+    return float(steps[0]) if steps[0] > _JUMP and steps[0] > _JUMP_RATIO * steps[1:].max() else None
+
+
+def choose_up(points: FloatArray, landmarks: stature.Landmarks | None) -> tuple[str, str]:
+    """The axis along which the head lies above the feet, and a sentence about the choice.
+
+    Args:
+        points: positions of joints and end sites over some frames, shape (F, N, 3).
+        landmarks: of the body, None where it has no known head and feet.
+    """
+    if landmarks is None:
+        axis = "y" if np.ptp(points, axis=1).mean(axis=0).argmax() == 1 else "z"
+        return axis, f"up: +{axis.upper()} axis, a guess, since no head and feet were found; give up to change it"
+    direction = stature.upright_direction(points, landmarks)
+    index = int(np.abs(direction).argmax())
+    sign, axis = ("-" if direction[index] < 0 else ""), "xyz"[index]
+    doubt = "" if abs(direction[index]) > 0.7 else "; the body is far from upright, give up if it's wrong"
+    return sign + axis, f"up: {sign or '+'}{axis.upper()} axis, along which the head is above the feet{doubt}"
+
+
+def choose_unit(height: float) -> tuple[float, str]:
+    """Metres in the file's unit that make a plausible person, and a sentence about the choice.
+
+    Args:
+        height: of the body in the file's unit.
+    """
+    if height <= 0:
+        return 1.0, "unit: m, a guess, since the body has no height; give unit to change it"
+    for low, high in (PLAUSIBLE, POSSIBLE):
+        fitting = [name for name, meters in UNITS.items() if low <= height * meters <= high]
+        if len(fitting) == 1:
+            meters = UNITS[fitting[0]]
+            size = f"{meters:.6g} m, which makes the body {height * meters:.2f} m tall"
+            return meters, f"unit: {fitting[0]} = {size}" + remark_on_height(height * meters)
+    return USUAL_HEIGHT / height, (
+        f"unit: none that is known makes a body of {height:.3g} units 1.4 to 2.1 m tall, so it was scaled to "
+        f"{USUAL_HEIGHT} m; give unit or height to change it"
+    )
+
+
+def remark_on_height(height: float) -> str:
+    """What to add about a body whose height [m] isn't a person's; "" for one that is."""
+    low, high = PLAUSIBLE
+    return "" if low <= height <= high else f"; that is outside of {low} to {high} m, give unit or height if it's wrong"

@@ -1,0 +1,161 @@
+"""From a file to a clip: read, decide what the file leaves open, convert once to metres and Z up."""
+
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motions import conventions, quaternions, stature
+from motions.bvh import reader
+from motions.bvh.reader import Recording
+from motions.clip import Clip
+from motions.errors import FileError, ValueRangeError
+from motions.shipped import clip_names, clip_path
+
+FloatArray = NDArray[np.float64]
+
+_STILL = 1e-6
+"""A joint whose position channels stay within this distance [m] over the clip is one that doesn't move."""
+
+
+def load(
+    path: str | PathLike[str],
+    *,
+    unit: str | float | None = None,
+    up: str | None = None,
+    height: float | None = None,
+    keep_first_frame: bool | None = None,
+    name: str | None = None,
+) -> Clip:
+    """Read a BVH file into a clip, in metres and Z up.
+
+    What the file leaves open is decided from the motion itself; every decision is a sentence in `Clip.decisions`.
+
+    Args:
+        path: a BVH file, or the name of a shipped clip where no such file exists.
+        unit: "m", "cm", "mm", "inch", "cmu" (1/0.45 inch) or metres in the file's unit; None takes the one that makes
+            a person of 1.4 to 2.1 m.
+        up: "x", "y", "z", "-x", "-y" or "-z", the file's axis that points up; None compares the head with the feet.
+        height: standing height to which the body is scaled [m], instead of a unit.
+        keep_first_frame: False drops the first frame, True keeps it, None drops it where the body jumps from it to the
+            second, as from the T-pose in front of CMU's files.
+        name: what to call the clip, by default the stem of the file.
+
+    Raises:
+        FileError: the file is missing, unreadable or malformed; names the line.
+        UnknownNameError: no such unit or up axis.
+        ValueRangeError: a unit or height of 0 or less, or both given.
+    """
+    if unit is not None and height is not None:
+        raise ValueRangeError("give either unit or height, not both")
+    if height is not None and not 1e-3 <= height <= 1e3:
+        raise ValueRangeError(f"height must be more than 0 m, not {height:g}")
+    scale = None if unit is None else conventions.meters_per_unit(unit)
+    if up is not None:
+        conventions.to_z_up(up)
+    path = _find(path)
+    recording = reader.read(path)
+    joints, decisions = _unique(recording.joints)
+
+    few = np.arange(min(len(recording.rotations), conventions.JUMP_FRAMES))
+    spread = np.linspace(0, len(recording.rotations) - 1, stature.SAMPLES).astype(np.int64)
+    points = recording.frames(np.concatenate([few, spread])).points()
+    landmarks = stature.find_landmarks(joints, recording.parents, recording.end_parents, points)
+    units_tall = stature.standing_height(points, landmarks)
+
+    jump = conventions.jumps_at_start(points[: len(few)], units_tall) if keep_first_frame is None else None
+    if jump is not None:
+        decisions.append(f"dropped frame 0: a joint jumps {jump:.2f} body heights to frame 1, as from an added T-pose")
+    elif keep_first_frame is False and len(recording.rotations) > 1:
+        decisions.append("dropped frame 0 as asked")
+    if jump is not None or keep_first_frame is False:
+        recording = recording.frames(slice(min(1, len(recording.rotations) - 1), None))
+        points = points[1:]
+
+    if up is None:
+        up, sentence = conventions.choose_up(points, landmarks)
+        decisions.append(sentence)
+    if height is not None:
+        if units_tall <= 0:
+            raise ValueRangeError(f"{path}: the body has no height, so it can't be scaled to {height:g} m")
+        scale = height / units_tall
+        decisions.append(f"unit: {scale:.4g} m, which makes the body {height:g} m tall, as asked")
+    elif scale is None:
+        scale, sentence = conventions.choose_unit(units_tall)
+        decisions.append(sentence)
+    elif remark := conventions.remark_on_height(units_tall * scale):
+        decisions.append(f"unit: {scale:.4g} m as asked makes the body {units_tall * scale:.3g} m tall{remark}")
+    return _convert(recording, joints, scale, up, name or path.stem, decisions)
+
+
+def _find(path: str | PathLike[str]) -> Path:
+    """The file that is meant: one that exists, or a shipped clip."""
+    found = Path(path)
+    try:
+        if found.exists():
+            return found
+    except (OSError, ValueError) as error:
+        raise FileError(f"can't read {str(path)[:200]!r}: {error}") from None
+    if str(path) in clip_names():
+        return clip_path(str(path))
+    shipped = f"; shipped clips: {', '.join(clip_names()) or 'none'}" if found.name == found.stem else ""
+    raise FileError(f"no file {str(found)!r}{shipped}")
+
+
+def _unique(names: tuple[str, ...]) -> tuple[tuple[str, ...], list[str]]:
+    """Names with a number after the second and later uses of each, and a sentence for every new name."""
+    taken, unique, decisions = set(names), [], []
+    seen: set[str] = set()
+    for name in names:
+        new, number = name, 2
+        while new in seen or (new != name and new in taken):
+            new, number = f"{name}_{number}", number + 1
+        if new != name:
+            decisions.append(f"renamed a second joint {name!r} to {new!r}")
+        seen.add(new)
+        unique.append(new)
+    return tuple(unique), decisions
+
+
+def _convert(
+    recording: Recording, joints: tuple[str, ...], scale: float, up: str, name: str, decisions: list[str]
+) -> Clip:
+    """Turn all frames, the joints' own as well, so that offsets are Z up like the world."""
+    turn = conventions.to_z_up(up)
+    rotations = recording.rotations.copy()
+    # R q R^-1 has q's scalar part and its vector part turned by R.
+    rotations[..., 1:] = rotations[..., 1:] @ turn.T
+    offsets = recording.offsets @ turn.T * scale
+    positions = recording.positions @ turn.T * scale
+    root_positions = np.repeat(offsets[None, 0], len(rotations), axis=0)
+    offsets[0] = 0.0
+
+    # A position channel replaces the OFFSET. One that stays constant is an offset, and only the others are kept.
+    local_positions = None
+    for slot, joint in enumerate(recording.moving):
+        if joint == 0:
+            root_positions = positions[:, slot]
+            continue
+        offsets[joint] = positions[:, slot].mean(axis=0)
+        if np.ptp(positions[:, slot], axis=0).max() > _STILL:
+            if local_positions is None:
+                local_positions = np.zeros((len(rotations), len(joints), 3))
+            local_positions[:, joint] = positions[:, slot]
+    if local_positions is not None:
+        still = ~local_positions.any(axis=(0, 2))
+        local_positions[:, still] = offsets[still]
+        local_positions[:, 0] = root_positions
+    return Clip(
+        name=name,
+        joints=joints,
+        parents=recording.parents,
+        offsets=offsets,
+        end_parents=recording.end_parents,
+        end_offsets=recording.end_offsets @ turn.T * scale,
+        fps=recording.fps,
+        root_positions=root_positions,
+        rotations_wxyz=quaternions.make_continuous(rotations),
+        local_positions=local_positions,
+        decisions=tuple(decisions),
+    )
