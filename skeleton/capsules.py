@@ -155,7 +155,7 @@ class _Figure:
         if limb == "neck":
             return self._link(self.rest.bone("neck"), self.rest.bone("head"))
         if limb == "chest":
-            return self._chest(side, across, radius)
+            return self._chest(across, radius)
         if limb == "pelvis":
             return self._pelvis(radius)
         if limb == "shoulder":
@@ -183,14 +183,15 @@ class _Figure:
         neck_side, crown_side = chin + radius * direction, vertex - radius * direction
         return bone, neck_side, crown_side
 
-    def _chest(self, side: str, across: FloatArray, radius: float) -> _Segment:
+    def _chest(self, across: FloatArray, radius: float) -> _Segment:
         """From the side of the waist up and out to below the shoulder joint, where the armpit's muscles end."""
         trunk = self.shoulders - self.hips
-        half_waist = proportions.WAIST_BREADTH * self.stature / 2
-        waist = self.hips + _WAIST * trunk + max(half_waist - radius, 0) * across
-        armpit = self.shoulders - _ARMPIT_DROP * self.stature * self.up
-        reach = max(abs((self.rest.joint(f"{side}_upper_arm") - self.shoulders) @ self.left) - radius, 0)
-        return self._chest_bone(), waist, armpit + reach * across
+        half_chest = max(self.rest.shoulder_width, proportions.CHEST_BREADTH * self.stature) / 2
+        top_reach = np.clip(half_chest - radius, 0, _CHEST_SPREAD * radius)
+        waist_reach = np.clip(proportions.WAIST_BREADTH * self.stature / 2 - radius, 0, top_reach)
+        waist = self.hips + _WAIST * trunk + waist_reach * across
+        armpit = self.shoulders - _ARMPIT_DROP * self.stature * self.up + top_reach * across
+        return self._chest_bone(), waist, armpit
 
     def _chest_bone(self) -> int:
         """The chest's bone, or the one below it where the chest's starts as high as the arms."""
@@ -236,6 +237,8 @@ _WAIST = 0.40
 """Where the chest's capsules start on the way from hips to shoulders; the pelvis' caps reach beyond half of it."""
 _CHEST_BONE_BELOW = 0.75
 """A joint nearer to the shoulders than this part of the trunk moves the shoulders, not the ribs below them."""
+_CHEST_SPREAD = 0.7
+"""Farthest a chest capsule's axis lies from the middle, in radii: the groove between the two is then 0.29 radii deep."""
 _ARMPIT_DROP = 0.045
 """Centre of the chest's upper cap below the shoulder joints: its top is then level with the collar bones."""
 _PELVIS_RISE = 0.015

@@ -31,6 +31,8 @@ _LOWER_THIGH = (0.3991, 0.4083)
 _CALF = (0.3733, 0.3923)
 _ANKLE = (0.2149, 0.2317)
 
+CHEST_BREADTH = 0.165
+"""ANSUR II, chest breadth: 0.165 women and men."""
 WAIST_BREADTH = 0.185
 """ANSUR II, waist breadth: 0.184 women, 0.186 men."""
 HIP_BREADTH = 0.207

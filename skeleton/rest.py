@@ -111,25 +111,32 @@ class RestPose:
     @property
     def height(self) -> float:
         """Standing height [m]: straight legs, trunk, neck and head, what bones don't tell taken from proportions."""
-        legs = [self.segment_length(f"{side}_{bone}") for side in ("left", "right") for bone in ("thigh", "shin")]
-        hips_above_ankles = sum(legs) / 2
         if "head" in self.roles:
-            head_above_hips = float(np.linalg.norm(self.origin("head") - self.middle("thigh")))
-            above_head = proportions.HEAD_JOINT_TO_VERTEX
-            return (hips_above_ankles + head_above_hips) / (1 - proportions.ANKLE_HEIGHT - above_head)
-        shoulders_above_hips = float(np.linalg.norm(self.middle("upper_arm") - self.middle("thigh")))
-        return (hips_above_ankles + shoulders_above_hips) / (proportions.SHOULDER_HEIGHT - proportions.ANKLE_HEIGHT)
+            above_hips = float(np.linalg.norm(self.vertex - self.middle("thigh")))
+            return (self._leg_length + above_hips) / (1 - proportions.ANKLE_HEIGHT)
+        above_hips = float(np.linalg.norm(self.middle("upper_arm") - self.middle("thigh")))
+        return (self._leg_length + above_hips) / (proportions.SHOULDER_HEIGHT - proportions.ANKLE_HEIGHT)
 
     @property
     def vertex(self) -> FloatArray:
-        """Top of the head [m], shape (3,): the head's end site where it can be that, else from proportions."""
+        """Top of the head [m], shape (3,): the end site of its bone, from proportions where there is none."""
         bone = self.bone("head")
-        reach, direction = proportions.HEAD_JOINT_TO_VERTEX * self.height, self.up
+        joint = self.positions[bone]
+        below = self._leg_length + np.linalg.norm(joint - self.middle("thigh"))
+        reach = proportions.HEAD_JOINT_TO_VERTEX
+        reach *= below / (1 - proportions.ANKLE_HEIGHT - reach)
         ends = self.end_offsets[self.end_parents == bone]
-        if len(ends) and (length := np.linalg.norm(ends[0])) > reach / 4:
-            direction = quaternions.rotate(self.rotations_wxyz[bone], ends[0] / length)
-            reach = np.clip(length, 0.8 * reach, 1.4 * reach)
-        return self.positions[bone] + reach * direction
+        lengths = np.linalg.norm(ends, axis=1)
+        # A stub that only marks the joint is no top of a head.
+        if len(ends) and lengths.max() > reach / 4:
+            return joint + quaternions.rotate(self.rotations_wxyz[bone], ends[np.argmax(lengths)])
+        return joint + reach * self.up
+
+    @property
+    def _leg_length(self) -> float:
+        """Hip to ankle along a straight leg, mean of both sides [m]."""
+        legs = [self.segment_length(f"{side}_{bone}") for side in ("left", "right") for bone in ("thigh", "shin")]
+        return sum(legs) / 2
 
     def segment_length(self, role: str) -> float:
         """Length of a limb's segment from its own joint to the next role's [m]."""
