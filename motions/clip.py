@@ -226,6 +226,5 @@ class Clip:
             local_positions=None if self.local_positions is None else self.local_positions[few],
         )
         points = np.concatenate([sampled.world_positions(), sampled.end_positions()], axis=1)
-        return stature.standing_height(
-            points, stature.find_landmarks(self.joints, self.parents, self.end_parents, points)
-        )
+        landmarks = stature.find_landmarks(self.joints, self.parents, self.end_parents, points)
+        return stature.standing_height(points, landmarks)

@@ -14,8 +14,9 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "cmu": 0.0254 / 0.45
 PLAUSIBLE = (1.4, 2.1)
 """Heights of people [m]: a body in this range needs no remark."""
 
-POSSIBLE = (1.0, 2.6)
-"""Heights of children and giants [m]: with no plausible unit, a single one in this range is taken with a remark."""
+POSSIBLE = (1.2, 2.4)
+"""Heights of children and giants [m]: with no plausible unit, the one in this range is taken, with a remark. Neighbours
+among the units differ by more than the ends of either range do, so at most one fits."""
 
 USUAL_HEIGHT = 1.7
 """What a body is scaled to [m] where no unit makes it possible."""
@@ -108,11 +109,10 @@ def choose_unit(height: float) -> tuple[float, str]:
     if height <= 0:
         return 1.0, "unit: m, a guess, since the body has no height; give unit to change it"
     for low, high in (PLAUSIBLE, POSSIBLE):
-        fitting = [name for name, meters in UNITS.items() if low <= height * meters <= high]
-        if len(fitting) == 1:
-            meters = UNITS[fitting[0]]
-            size = f"{meters:.6g} m, which makes the body {height * meters:.2f} m tall"
-            return meters, f"unit: {fitting[0]} = {size}" + remark_on_height(height * meters)
+        for name, meters in UNITS.items():
+            if low <= height * meters <= high:
+                size = f"{meters:.6g} m, which makes the body {height * meters:.2f} m tall"
+                return meters, f"unit: {name} = {size}{remark_on_height(height * meters)}"
     return USUAL_HEIGHT / height, (
         f"unit: none that is known makes a body of {height:.3g} units 1.4 to 2.1 m tall, so it was scaled to "
         f"{USUAL_HEIGHT} m; give unit or height to change it"

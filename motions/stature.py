@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,11 +26,11 @@ class Landmarks:
     """Indices of what tells a body's length, among its J joints followed by its E end sites.
 
     Attributes:
-        trunk: points from the pelvis up to the top of the head.
+        head: the top of the head, or what comes nearest to it.
         legs: points from the hip down to the ankle (or the tip of the foot, where names don't tell), one list a leg.
     """
 
-    trunk: tuple[int, ...]
+    head: int
     legs: tuple[tuple[int, ...], ...]
 
 
@@ -54,9 +55,9 @@ def find_landmarks(
 def standing_height(points: FloatArray, landmarks: Landmarks | None) -> float:
     """Height of the body if it stood upright, in the unit of the points.
 
-    With landmarks it is the sum of the lengths from sole to crown, so the pose doesn't matter: hips to pelvis, legs,
-    trunk up to the end of the head, and the ankle's height by proportion. Without, it is the largest distance of two
-    points along a coordinate axis in any frame.
+    With landmarks it is the length of the legs' bones, the distance of the head's top from the middle of the hips where
+    the trunk is straight (90th percentile over the frames), and the ankle's height by proportion, so a body that sits
+    or crouches is measured as well. Without, it is the largest distance of two points along a coordinate axis.
 
     Args:
         points: as in `find_landmarks`.
@@ -65,15 +66,15 @@ def standing_height(points: FloatArray, landmarks: Landmarks | None) -> float:
     if landmarks is None:
         return float(np.ptp(points, axis=1).max())
     hips = np.mean([points[:, leg[0]] for leg in landmarks.legs], axis=0)
-    hip_drop = np.median(np.linalg.norm(hips - points[:, landmarks.trunk[0]], axis=-1))
+    trunk_length = np.quantile(np.linalg.norm(points[:, landmarks.head] - hips, axis=-1), 0.9)
     leg_length = np.mean([_path_length(points, leg) for leg in landmarks.legs])
-    return float(hip_drop + leg_length + _path_length(points, landmarks.trunk)) / (1 - ANKLE_HEIGHT)
+    return float(leg_length + trunk_length) / (1 - ANKLE_HEIGHT)
 
 
 def upright_direction(points: FloatArray, landmarks: Landmarks) -> FloatArray:
     """Mean direction from the feet to the head over all frames, at most of length 1, shape (3,)."""
     feet = np.mean([points[:, leg[-1]] for leg in landmarks.legs], axis=0)
-    direction = points[:, landmarks.trunk[-1]] - feet
+    direction = points[:, landmarks.head] - feet
     lengths = np.linalg.norm(direction, axis=-1, keepdims=True)
     return np.mean(direction / np.where(lengths > 0, lengths, 1.0), axis=0)
 
@@ -83,14 +84,13 @@ def _path_length(points: FloatArray, path: Sequence[int]) -> float:
     return float(np.median(steps, axis=0).sum())
 
 
-def _farthest_below(above: Sequence[int], points: FloatArray, joint: int) -> list[int]:
-    """The path from a joint (left out) down to the point below it that is the farthest along the bones."""
+def _path_to_tip(above: Sequence[int], points: FloatArray, joint: int) -> list[int]:
+    """The path from a joint, included, down to the point that is the farthest along the bones."""
     lengths = {joint: 0.0}
     for point in range(joint + 1, len(above)):
         if (parent := above[point]) in lengths:
             lengths[point] = lengths[parent] + _path_length(points, (parent, point))
-    tip = max(lengths, key=lambda point: lengths[point])
-    return _path_down(above, joint, tip)[1:]
+    return _path_down(above, joint, max(lengths, key=lambda point: lengths[point]))
 
 
 def _path_down(above: Sequence[int], ancestor: int, point: int) -> list[int]:
@@ -110,11 +110,7 @@ def _landmarks_by_name(joints: Sequence[str], above: Sequence[int], points: Floa
     )
     if "head" not in roles or len(legs) != 2:
         return None
-    # The joint that carries the legs need not carry the head: DAZ's hip holds pelvis and abdomen side by side.
-    to_hip = set(_path_down(above, 0, legs[0][0]))
-    to_head = _path_down(above, 0, roles["head"])
-    trunk = to_head[sum(joint in to_hip for joint in to_head) - 1 :]
-    return Landmarks((*trunk, *_farthest_below(above, points, roles["head"])), legs)
+    return Landmarks(_path_to_tip(above, points, roles["head"])[-1], legs)
 
 
 def _landmarks_by_shape(above: Sequence[int], points: FloatArray) -> Landmarks | None:
@@ -144,14 +140,13 @@ def _landmarks_by_shape(above: Sequence[int], points: FloatArray) -> Landmarks |
     if not heads:
         return None
     head = max(heads, key=lambda child: weights[child])
-    pelvis = above[legs[0]]
-    trunk = (*_path_down(above, pelvis, head), *_farthest_below(above, points, head))
-    return Landmarks(trunk, tuple((leg, *_farthest_below(above, points, leg)) for leg in legs))
+    tip = _path_to_tip(above, points, head)[-1]
+    return Landmarks(tip, tuple(tuple(_path_to_tip(above, points, leg)) for leg in legs))
 
 
 def _twins(siblings: Sequence[int], weights: Sequence[float]) -> Iterable[tuple[int, int]]:
     """Neighbours in length that are alike enough to be a left and a right limb."""
     by_length = sorted((sibling for sibling in siblings if weights[sibling] > 0), key=lambda joint: weights[joint])
-    for a, b in zip(by_length, by_length[1:], strict=False):
+    for a, b in pairwise(by_length):
         if weights[b] - weights[a] <= _ALIKE * weights[b]:
             yield a, b

@@ -1,0 +1,15 @@
+"""Fixtures that several test files share."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def mocap() -> Path:
+    """The folder of real motion clips, which isn't part of the project: tests that need it skip without it."""
+    folder = Path(os.environ.get("CAPE_CLIPS", Path(__file__).parents[2] / "shared" / "clips"))
+    if not folder.is_dir():
+        pytest.skip(f"no real motion clips in {folder}; set CAPE_CLIPS to their folder")
+    return folder

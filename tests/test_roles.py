@@ -1,0 +1,199 @@
+"""Roles on the naming conventions of motion capture, games, animation programs and robots."""
+
+import pytest
+
+import motions
+from motions import ROLES, UnknownNameError, find_roles, require_role
+
+# For each convention: the trunk from the root to the chest, neck and head, the left arm, the left leg (each a chain);
+# then the names expected for the roles of trunk ("-" for none), arm and leg.
+TRUNK = ("pelvis", "chest", "neck", "head")
+ARM = ("shoulder", "upper_arm", "forearm", "hand")
+LEG = ("thigh", "shin", "foot")
+CONVENTIONS = {
+    "cmu": (
+        "Hips LowerBack Spine Spine1", "Neck Neck1 Head",
+        "LeftShoulder LeftArm LeftForeArm LeftHand LeftFingerBase", "LHipJoint LeftUpLeg LeftLeg LeftFoot LeftToeBase",
+        "Hips Spine1 Neck Head", "LeftShoulder LeftArm LeftForeArm LeftHand", "LeftUpLeg LeftLeg LeftFoot",
+    ),
+    "cmu asf": (
+        "root lowerback upperback thorax", "lowerneck upperneck head",
+        "lclavicle lhumerus lradius lwrist lhand lfingers", "lhipjoint lfemur ltibia lfoot ltoes",
+        "root thorax lowerneck head", "lclavicle lhumerus lradius lwrist", "lfemur ltibia lfoot",
+    ),
+    "motion builder hips and knees": (
+        "Hips lowerback Chest Chest2", "lowerneck Neck Head",
+        "LeftCollar LeftShoulder LeftElbow LeftWrist lhand", "LHipJoint LeftHip LeftKnee LeftAnkle LeftToe",
+        "Hips Chest2 lowerneck Head", "LeftCollar LeftShoulder LeftElbow LeftWrist", "LeftHip LeftKnee LeftAnkle",
+    ),
+    "daz": (
+        "hip abdomen chest", "neck head leftEye",
+        "lCollar lShldr lForeArm lHand lThumb1", "lButtock lThigh lShin lFoot",
+        "hip chest neck head", "lCollar lShldr lForeArm lHand", "lThigh lShin lFoot",
+    ),
+    "daz genesis": (
+        "hip abdomenLower chestUpper", "neckLower neckUpper head",
+        "lCollar lShldrBend lShldrTwist lForearmBend lForearmTwist lHand", "lThighBend lThighTwist lShin lFoot lToe",
+        "hip chestUpper neckLower head", "lCollar lShldrBend lForearmBend lHand", "lThighBend lShin lFoot",
+    ),
+    "mixamo": (
+        "mixamorig:Hips mixamorig:Spine mixamorig:Spine2", "mixamorig:Neck mixamorig:Head mixamorig:HeadTop_End",
+        "mixamorig:LeftShoulder mixamorig:LeftArm mixamorig:LeftForeArm mixamorig:LeftHand mixamorig:LeftHandIndex1",
+        "mixamorig:LeftUpLeg mixamorig:LeftLeg mixamorig:LeftFoot mixamorig:LeftToeBase",
+        "mixamorig:Hips mixamorig:Spine2 mixamorig:Neck mixamorig:Head",
+        "mixamorig:LeftShoulder mixamorig:LeftArm mixamorig:LeftForeArm mixamorig:LeftHand",
+        "mixamorig:LeftUpLeg mixamorig:LeftLeg mixamorig:LeftFoot",
+    ),
+    "underscore prefix": (
+        "Character1_Hips Character1_Spine Character1_Spine1", "Character1_Neck Character1_Head",
+        "Character1_LeftShoulder Character1_LeftArm Character1_LeftForeArm Character1_LeftHand",
+        "Character1_LeftUpLeg Character1_LeftLeg Character1_LeftFoot",
+        "Character1_Hips Character1_Spine1 Character1_Neck Character1_Head",
+        "Character1_LeftShoulder Character1_LeftArm Character1_LeftForeArm Character1_LeftHand",
+        "Character1_LeftUpLeg Character1_LeftLeg Character1_LeftFoot",
+    ),
+    "rigify": (
+        "spine spine.001 spine.002 spine.003", "spine.004 spine.005 spine.006",
+        "shoulder.L upper_arm.L forearm.L hand.L f_index.01.L", "thigh.L shin.L foot.L toe.L",
+        "spine spine.003 spine.004 spine.006", "shoulder.L upper_arm.L forearm.L hand.L", "thigh.L shin.L foot.L",
+    ),
+    "blender": (
+        "Hips Spine Chest", "Neck Head",
+        "Shoulder_L UpperArm_L LowerArm_L Hand_L", "UpperLeg_L LowerLeg_L Foot_L Toes_L",
+        "Hips Chest Neck Head", "Shoulder_L UpperArm_L LowerArm_L Hand_L", "UpperLeg_L LowerLeg_L Foot_L",
+    ),
+    "bandai-namco": (
+        "joint_Root Hips Spine Chest", "Neck Head",
+        "Shoulder_L UpperArm_L LowerArm_L Hand_L", "UpperLeg_L LowerLeg_L Foot_L Toes_L",
+        "Hips Chest Neck Head", "Shoulder_L UpperArm_L LowerArm_L Hand_L", "UpperLeg_L LowerLeg_L Foot_L",
+    ),
+    "smpl": (
+        "Pelvis Spine1 Spine2 Spine3", "Neck Head",
+        "L_Collar L_Shoulder L_Elbow L_Wrist L_Hand", "L_Hip L_Knee L_Ankle L_Foot",
+        "Pelvis Spine3 Neck Head", "L_Collar L_Shoulder L_Elbow L_Wrist", "L_Hip L_Knee L_Ankle",
+    ),
+    "lower case": (
+        "pelvis spine chest", "neck head",
+        "l_shoulder l_elbow l_wrist", "l_hip l_knee l_ankle",
+        "pelvis chest neck head", "chest l_shoulder l_elbow l_wrist", "l_hip l_knee l_ankle",
+    ),
+    "unreal": (
+        "root pelvis spine_01 spine_02 spine_03", "neck_01 head",
+        "clavicle_l upperarm_l lowerarm_l hand_l index_01_l", "thigh_l calf_l foot_l ball_l",
+        "pelvis spine_03 neck_01 head", "clavicle_l upperarm_l lowerarm_l hand_l", "thigh_l calf_l foot_l",
+    ),
+    "xsens": (
+        "Pelvis L5 L3 T12 T8", "Neck Head",
+        "LeftShoulder LeftUpperArm LeftForeArm LeftHand", "LeftUpperLeg LeftLowerLeg LeftFoot LeftToe",
+        "Pelvis T8 Neck Head", "LeftShoulder LeftUpperArm LeftForeArm LeftHand", "LeftUpperLeg LeftLowerLeg LeftFoot",
+    ),
+    "rokoko": (
+        "Hips Spine1 Spine2 Spine3 Spine4", "Neck Head",
+        "LeftShoulder LeftArm LeftForeArm LeftHand", "LeftThigh LeftShin LeftFoot LeftToe",
+        "Hips Spine4 Neck Head", "LeftShoulder LeftArm LeftForeArm LeftHand", "LeftThigh LeftShin LeftFoot",
+    ),
+    "biped": (
+        "Bip01 Bip01_Pelvis Bip01_Spine Bip01_Spine1", "Bip01_Neck Bip01_Head",
+        "Bip01_L_Clavicle Bip01_L_UpperArm Bip01_L_Forearm Bip01_L_Hand", "Bip01_L_Thigh Bip01_L_Calf Bip01_L_Foot",
+        "Bip01_Pelvis Bip01_Spine1 Bip01_Neck Bip01_Head",
+        "Bip01_L_Clavicle Bip01_L_UpperArm Bip01_L_Forearm Bip01_L_Hand", "Bip01_L_Thigh Bip01_L_Calf Bip01_L_Foot",
+    ),
+    "robot": (
+        "root_joint waist_yaw_joint waist_roll_joint waist_pitch_joint", "head_joint",
+        "left_shoulder_pitch_joint left_shoulder_roll_joint left_shoulder_yaw_joint left_elbow_joint "
+        "left_wrist_roll_joint left_wrist_pitch_joint left_wrist_yaw_joint",
+        "left_hip_pitch_joint left_hip_roll_joint left_hip_yaw_joint left_knee_joint left_ankle_pitch_joint "
+        "left_ankle_roll_joint",
+        "root_joint waist_pitch_joint - head_joint",
+        "waist_pitch_joint left_shoulder_yaw_joint left_elbow_joint left_wrist_yaw_joint",
+        "left_hip_yaw_joint left_knee_joint left_ankle_roll_joint",
+    ),
+}  # fmt: skip
+
+
+def build(name: str):
+    """Joints, parents and expected roles of a convention."""
+    trunk, head, arm, leg, *expected = CONVENTIONS[name]
+    joints: list[str] = []
+    parents: list[int] = []
+
+    def hang(chain: list[str], parent: int) -> None:
+        for joint in chain:
+            joints.append(joint)
+            parents.append(parent)
+            parent = len(joints) - 1
+
+    hang(trunk.split(), -1)
+    chest = len(joints) - 1
+    pelvis = joints.index(expected[0].split()[0])
+    for chain, parent in ((head, chest), (arm, chest), (leg, pelvis)):
+        hang(chain.split(), parent)
+        if chain is not head:
+            hang([mirror(joint, name) for joint in chain.split()], parent)
+    roles = {role: joint for role, joint in zip(TRUNK, expected[0].split(), strict=True) if joint != "-"}
+    for segments, names in ((ARM, expected[1].split()), (LEG, expected[2].split())):
+        for segment, joint in zip(segments, names, strict=True):
+            roles[f"left_{segment}"] = joint
+            roles[f"right_{segment}"] = joint if joint in trunk.split() else mirror(joint, name)
+    return joints, parents, roles
+
+
+def mirror(joint: str, convention: str) -> str:
+    marks = {
+        "cmu": ("Left", "L"), "mixamo": ("Left",), "underscore prefix": ("Left",), "xsens": ("Left",),
+        "rokoko": ("Left",), "motion builder hips and knees": ("Left", "LHip", "lhand"), "smpl": ("L_",),
+        "biped": ("_L_",), "rigify": (".L",), "blender": ("_L",), "bandai-namco": ("_L",), "robot": ("left",),
+    }  # fmt: skip
+    swap = str.maketrans("lL", "rR")
+    for mark in marks.get(convention, ()):
+        if mark in joint:
+            new = mark.replace("Left", "Right").replace("left", "right")
+            return joint.replace(mark, new if new != mark else mark.translate(swap), 1)
+    if joint.endswith("_l"):
+        return joint[:-1] + "r"
+    return joint[0].translate(swap) + joint[1:]
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+def test_roles_of_convention(convention):
+    joints, parents, expected = build(convention)
+    assert len(set(joints)) == len(joints)
+    found = find_roles(joints, parents)
+    assert found == expected
+    assert list(found) == [role for role in ROLES if role in found]
+
+
+def test_override_wins_and_guides_what_hangs_below():
+    joints = ["a", "b", "c", "d", "e", "f"]
+    parents = [-1, 0, 1, 2, 1, 4]
+    assert find_roles(joints, parents) == {}
+    found = find_roles(joints, parents, {"left_upper_arm": "c", "right_upper_arm": "e"})
+    assert found["chest"] == found["left_shoulder"] == "b"
+    assert (found["left_forearm"], found["right_forearm"]) == ("d", "f")
+
+
+def test_unknown_override_lists_what_exists():
+    with pytest.raises(UnknownNameError, match=r"no role named 'tail'.*left_shoulder"):
+        find_roles(["a"], [-1], {"tail": "a"})
+    with pytest.raises(UnknownNameError, match=r"no bone named 'b'; available: a"):
+        find_roles(["a"], [-1], {"head": "b"})
+
+
+def test_missing_role_lists_bones_and_says_how_to_name_one():
+    assert require_role("head", {"head": "Kopf"}, ["Kopf"]) == "Kopf"
+    with pytest.raises(UnknownNameError) as error:
+        require_role("left_shoulder", {}, ["Hips", "Kopf"])
+    for part in ("left_shoulder", "Hips, Kopf", 'roles={"left_shoulder": "NAME"}', "--attach left_shoulder=NAME"):
+        assert part in str(error.value)
+    with pytest.raises(UnknownNameError, match="no role named 'tail'"):
+        require_role("tail", {}, ["Hips"])
+
+
+def test_deep_chain_is_no_trouble():
+    assert find_roles([f"j{i}" for i in range(3000)], range(-1, 2999)) == {}
+
+
+def test_every_role_is_found_on_real_files(mocap):
+    for path in sorted(mocap.glob("*.bvh")):
+        clip = motions.load(path)
+        assert set(find_roles(clip.joints, clip.parents.tolist())) == set(ROLES), path.name
