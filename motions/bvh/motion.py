@@ -82,7 +82,7 @@ def _frame_rate(frame_time: str) -> float:
     mantissa, _, exponent = frame_time.lower().partition("e")
     last_digit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
     for rate in _USUAL_RATES:
-        if abs(rate * seconds - 1) < 0.01 and -last_digit / 2 <= 1 / rate - seconds < last_digit:
+        if abs(rate * seconds - 1) < 0.015 and -last_digit / 2 <= 1 / rate - seconds < last_digit:
             return rate
     return 1 / seconds
 
