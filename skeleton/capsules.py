@@ -170,7 +170,7 @@ class _Figure:
         """From one joint to another, carried by the bone with the longest link on the way."""
         way = self.rest.chain(start, next_bone)
         lengths = np.linalg.norm(np.diff(self.rest.positions[way], axis=0), axis=1)
-        if len(way) < 2 or lengths.sum() < 1e-3 * self.stature:
+        if len(way) < 2 or lengths.sum() < _NO_LENGTH * self.stature:
             return None
         return way[int(np.argmax(lengths))], self.rest.positions[start], self.rest.positions[next_bone]
 
@@ -228,17 +228,21 @@ class _Figure:
         return bone, origin, origin + max(length - radius, length / 10) / length * (tip - origin)
 
     def _forearm_direction(self, side: str) -> FloatArray:
+        """A stretched hand goes on where the forearm ends; without a forearm it hangs down."""
         if f"{side}_forearm" not in self.rest.roles:
             return -self.up
-        return _direction(self.rest.origin(f"{side}_hand") - self.rest.origin(f"{side}_forearm"))
+        forearm = self.rest.origin(f"{side}_hand") - self.rest.origin(f"{side}_forearm")
+        return _direction(forearm) if np.linalg.norm(forearm) > _NO_LENGTH * self.stature else -self.up
 
 
+_NO_LENGTH = 1e-3
+"""Segments shorter than this part of the stature (2 mm) are joints in one place, with nothing between them."""
 _WAIST = 0.40
 """Where the chest's capsules start on the way from hips to shoulders; the pelvis' caps reach beyond half of it."""
 _CHEST_BONE_BELOW = 0.75
 """A joint nearer to the shoulders than this part of the trunk moves the shoulders, not the ribs below them."""
 _CHEST_SPREAD = 0.7
-"""Farthest a chest capsule's axis lies from the middle, in radii: the groove between the two is then 0.29 radii deep."""
+"""Farthest a chest capsule's axis lies from the middle, in radii: the groove between both is then 0.29 radii deep."""
 _ARMPIT_DROP = 0.045
 """Centre of the chest's upper cap below the shoulder joints: its top is then level with the collar bones."""
 _PELVIS_RISE = 0.015

@@ -1,5 +1,8 @@
 """A joint tree as a Pinocchio model, and the world poses of its bones in a motion."""
 
+# Pinocchio lies in a folder that only a .pth file puts on the path, where pyright doesn't look.
+# pyright: reportMissingImports=false
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -179,8 +182,10 @@ class Skeleton:
         if isinstance(motion, Clip):
             if self.is_robot:
                 raise ValueRangeError(f"a robot's motion is an array of configurations, got the clip {motion.name!r}")
+            if fps is not None or times is not None:
+                raise ValueRangeError("fps and times are for configurations; a clip has its own, see Clip.resample")
             configurations = self._fit_clip(motion)
-            times = np.arange(len(configurations)) / motion.fps if times is None else np.asarray(times, dtype=float)
+            times = np.arange(len(configurations)) / motion.fps
         else:
             configurations = self._fit_configurations(motion)
             times = _times_of(len(configurations), fps, times)
@@ -317,7 +322,10 @@ def _times_of(frames: int, fps: float | None, times: ArrayLike | None) -> FloatA
     if (fps is None) == (times is None):
         raise ValueRangeError("configurations need either fps or times, got " + ("none" if fps is None else "both"))
     if fps is None:
-        return np.asarray(times, dtype=float)
+        times = np.asarray(times, dtype=float)
+        if times.shape != (frames,):
+            raise ValueRangeError(f"times must have the shape {(frames,)}, one for each frame, got {times.shape}")
+        return times
     if not (np.isfinite(fps) and fps > 0):
         raise ValueRangeError(f"the frame rate must be positive, got {fps}")
     return np.arange(frames) / fps

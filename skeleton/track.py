@@ -43,53 +43,54 @@ class BoneTrack:
 
     def __post_init__(self):
         """Copy, check and freeze the arrays."""
-        names = tuple(self.names)
-        times, positions, rotations = (
-            np.array(array, dtype=float) for array in (self.times, self.positions, self.rotations_wxyz)
-        )
-        if repeated := sorted({name for name in names if names.count(name) > 1}):
-            raise ValueRangeError(f"bone names must be unique; given twice: {', '.join(repeated)}")
-        _check_shape("times", times, (times.size,))
-        if times.size == 0:
-            raise ValueRangeError("a track needs at least one frame, got none")
-        _check_shape("positions", positions, (times.size, len(names), 3))
-        _check_shape("rotations_wxyz", rotations, (times.size, len(names), 4))
-        for label, array in (("times", times), ("positions", positions), ("rotations_wxyz", rotations)):
-            if not np.isfinite(array).all():
-                raise ValueRangeError(
-                    f"{label} must be finite, got NaN or infinity at index {_first(~np.isfinite(array))}"
-                )
-        if (stalled := np.diff(times) <= 0).any():
-            raise ValueRangeError(
-                f"times must increase, but frame {_first(stalled)[0] + 1} is not after the one before"
-            )
-        if (off := np.abs(np.linalg.norm(rotations, axis=-1) - 1) > _UNIT_TOLERANCE).any():
-            frame, bone = _first(off)
-            raise ValueRangeError(
-                f"rotations_wxyz must be unit quaternions, that of {names[bone]!r} at frame {frame} is not"
-            )
-        parents = None if self.parents is None else np.array(self.parents, dtype=np.int64)
-        if parents is not None:
-            _check_shape("parents", parents, (len(names),))
-            if ((parents < -1) | (parents >= len(names))).any():
-                raise ValueRangeError(f"parents must lie between -1 and {len(names) - 1}, got {parents.tolist()}")
-        for role, bone in self.roles.items():
-            if bone not in names:
-                raise ValueRangeError(
-                    f"the role {role!r} is given to {bone!r}, which is not among the bones: {', '.join(names)}"
-                )
         frozen = {
-            "names": names,
-            "times": times,
-            "positions": positions,
-            "rotations_wxyz": quaternions.make_continuous(quaternions.normalize(rotations)),
-            "parents": parents,
+            "names": tuple(self.names),
+            "times": np.array(self.times, dtype=float),
+            "positions": np.array(self.positions, dtype=float),
+            "rotations_wxyz": np.array(self.rotations_wxyz, dtype=float),
+            "parents": None if self.parents is None else np.array(self.parents, dtype=np.int64),
             "roles": dict(self.roles),
         }
         for name, value in frozen.items():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
             object.__setattr__(self, name, value)
+        self._check_names()
+        self._check_numbers()
+        rotations = quaternions.make_continuous(quaternions.normalize(self.rotations_wxyz))
+        object.__setattr__(self, "rotations_wxyz", rotations)
+        for array in (self.times, self.positions, self.rotations_wxyz, self.parents):
+            if array is not None:
+                array.setflags(write=False)
+
+    def _check_names(self) -> None:
+        if repeated := sorted({name for name in self.names if self.names.count(name) > 1}):
+            raise ValueRangeError(f"bone names must be unique; given twice: {', '.join(repeated)}")
+        for role, bone in self.roles.items():
+            if bone not in self.names:
+                names = ", ".join(self.names)
+                raise ValueRangeError(f"the role {role!r} is given to {bone!r}, which isn't among: {names}")
+        if self.parents is not None:
+            bones = len(self.names)
+            _check_shape("parents", self.parents, (bones,))
+            if ((self.parents < -1) | (self.parents >= bones)).any():
+                raise ValueRangeError(f"parents must lie between -1 and {bones - 1}, got {self.parents.tolist()}")
+
+    def _check_numbers(self) -> None:
+        frames, bones = self.times.size, len(self.names)
+        if frames == 0:
+            raise ValueRangeError("a track needs at least one frame, got none")
+        shapes = {"times": (frames,), "positions": (frames, bones, 3), "rotations_wxyz": (frames, bones, 4)}
+        for label, shape in shapes.items():
+            array = getattr(self, label)
+            _check_shape(label, array, shape)
+            if (bad := ~np.isfinite(array)).any():
+                raise ValueRangeError(f"{label} must be finite, got NaN or infinity at the index {_first(bad)}")
+        if (stalled := np.diff(self.times) <= 0).any():
+            raise ValueRangeError(f"times must increase, frame {_first(stalled)[0] + 1} is not after the one before")
+        if (off := np.abs(np.linalg.norm(self.rotations_wxyz, axis=-1) - 1) > _UNIT_TOLERANCE).any():
+            frame, bone = _first(off)
+            raise ValueRangeError(
+                f"rotations_wxyz must be of unit length, that of {self.names[bone]!r} at frame {frame} isn't"
+            )
 
     @property
     def frames(self) -> int:
@@ -144,9 +145,7 @@ class BoneTrack:
             ValueRangeError: there is no such frame.
         """
         if not -self.frames <= frame < self.frames:
-            raise ValueRangeError(
-                f"there is no frame {frame}: the track has {self.frames} frames, 0 to {self.frames - 1}"
-            )
+            raise ValueRangeError(f"there is no frame {frame}: the track's frames are 0 to {self.frames - 1}")
         return self.positions[frame], self.rotations_wxyz[frame]
 
     def sample(self, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
