@@ -1,5 +1,6 @@
 """From a file to a clip: read, decide what the file leaves open, convert once to metres and Z up."""
 
+from collections import Counter
 from os import PathLike
 from pathlib import Path
 
@@ -106,14 +107,15 @@ def _find(path: str | PathLike[str]) -> Path:
 def _unique(names: tuple[str, ...]) -> tuple[tuple[str, ...], list[str]]:
     """Names with a number after the second and later uses of each, and a sentence for every new name."""
     taken, unique, decisions = set(names), [], []
-    seen: set[str] = set()
+    uses: Counter[str] = Counter()
     for name in names:
-        new, number = name, 2
-        while new in seen or (new != name and new in taken):
-            new, number = f"{name}_{number}", number + 1
-        if new != name:
-            decisions.append(f"renamed a second joint {name!r} to {new!r}")
-        seen.add(new)
+        uses[name] += 1
+        new = name
+        if uses[name] > 1:
+            while (new := f"{name}_{uses[name]}") in taken:
+                uses[name] += 1
+            taken.add(new)
+            decisions.append(f"renamed another joint {name!r} to {new!r}")
         unique.append(new)
     return tuple(unique), decisions
 

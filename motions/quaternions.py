@@ -28,10 +28,10 @@ def normalize(q: FloatArray) -> FloatArray:
     return q / np.linalg.norm(q, axis=-1, keepdims=True)
 
 
-def rotate(q: FloatArray, vectors: FloatArray) -> FloatArray:
+def rotate(q: FloatArray, vectors: ArrayLike) -> FloatArray:
     """Rotate vectors (..., 3) by unit quaternions (..., 4), in the unit of the vectors."""
     w, x, y, z = np.moveaxis(q, -1, 0)
-    vx, vy, vz = np.moveaxis(vectors, -1, 0)
+    vx, vy, vz = np.moveaxis(np.asarray(vectors), -1, 0)
     # v + w t + u x t with u = (x, y, z) and t = 2 u x v: 18 products, against 28 of two quaternion products.
     tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
     rotated = np.empty((*np.broadcast_shapes(w.shape, vx.shape), 3))

@@ -1,6 +1,7 @@
 """Which joint of a body plays which role, from the joints' names and the shape of the tree."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -110,9 +111,11 @@ class _Tree:
         self.parents = [int(parent) for parent in parents]
         self.children: list[list[int]] = [[] for _ in joints]
         self.heights = [1] * len(joints)
+        for joint, parent in enumerate(self.parents):
+            if parent >= 0:
+                self.children[parent].append(joint)
         for joint in reversed(range(len(joints))):
             if (parent := self.parents[joint]) >= 0:
-                self.children[parent].insert(0, joint)
                 self.heights[parent] = max(self.heights[parent], self.heights[joint] + 1)
 
     def ancestors(self, joint: int) -> list[int]:
@@ -160,9 +163,9 @@ def _read_names(joints: Sequence[str]) -> list[_Name]:
     """Side and meaning of every name, after taking off words that more than half of the names begin with."""
     words = [_words(joint) for joint in joints]
     while True:
-        firsts = [name[0] for name in words if len(name) > 1 and name[0] not in _SIDE_OF]
-        common = max(set(firsts), key=firsts.count, default=None)
-        if common is None or firsts.count(common) * 2 <= len(joints):
+        firsts = Counter(name[0] for name in words if len(name) > 1 and name[0] not in _SIDE_OF)
+        common, count = max(firsts.items(), key=lambda item: item[1], default=("", 0))
+        if count * 2 <= len(joints):
             break
         words = [name[1:] if len(name) > 1 and name[0] == common else name for name in words]
     return [_read_name(name) for name in words]

@@ -13,7 +13,7 @@ LARGEST = 1e9
 """Numbers beyond this are taken for damage: no position or angle needs them, and their products would overflow."""
 
 _CHANNEL = {name.lower(): name for name in CHANNELS}
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 @dataclass

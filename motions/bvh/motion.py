@@ -41,7 +41,9 @@ def parse_motion(source: Source, start: int, hierarchy: Hierarchy) -> Motion:
     frames, frame_time, body = _parse_header(source, start)
     text = source.data[body:]
     if not text.strip():
-        raise source.error(_last_line(source, body), f"the file declares {frames} frames and holds none")
+        raise source.error(
+            source.line_at(len(source.data.rstrip())), f"the file declares {frames} frames and holds none"
+        )
     blank = np.frombuffer(text, dtype=np.uint8) <= ord(" ")
     starts = np.flatnonzero(~blank & np.concatenate([[True], blank[:-1]]))
     values = _parse_numbers(source, body, starts)
@@ -51,29 +53,34 @@ def parse_motion(source: Source, start: int, hierarchy: Hierarchy) -> Motion:
 
 def _parse_header(source: Source, start: int) -> tuple[int, str, int]:
     """Number of frames, frame time as written, and the offset at which the rows begin."""
-    data = source.data
-    motion = re.compile(rb"\s*MOTION\s*", re.IGNORECASE).match(data, start)
-    assert motion is not None
-    count = re.compile(rb"Frames[ \t]*:?[ \t]*([^\n]*?)[ \t]*(?:\n\s*|$)", re.IGNORECASE).match(data, motion.end())
+    _, _, end = _text_line(source, start)
+    line, number, end = _text_line(source, end)
+    count = re.fullmatch(r"Frames\s*:?\s*(.*)", line, re.IGNORECASE)
     if count is None:
-        raise source.error(_last_line(source, motion.end()), "expected 'Frames: N' after MOTION")
-    word = count[1].decode(errors="replace")
-    if not re.fullmatch(r"\+?\d{1,12}", word, re.ASCII) or int(word) == 0:
-        raise source.error(source.line_at(count.start(1)), f"{shown(word)} is not a number of frames, at least 1")
-    time = re.compile(rb"Frame[ \t]*Time[ \t]*:?[ \t]*([^\n]*?)[ \t]*(?:\n|$)", re.IGNORECASE).match(data, count.end())
+        raise source.error(number, "expected 'Frames: N' after MOTION")
+    if not re.fullmatch(r"\+?\d{1,12}", count[1], re.ASCII) or int(count[1]) == 0:
+        raise source.error(number, f"{shown(count[1])} is not a number of frames, at least 1")
+    line, number, end = _text_line(source, end)
+    time = re.fullmatch(r"Frame\s*Time\s*:?\s*(.*)", line, re.IGNORECASE)
     if time is None:
-        raise source.error(_last_line(source, count.end()), "expected 'Frame Time: SECONDS' after the number of frames")
-    frame_time = time[1].decode(errors="replace")
-    seconds = parse_number(frame_time)
-    if seconds is None or not 1e-6 <= seconds <= 1e6:
-        why = why_no_number(frame_time) if seconds is None else f"{shown(frame_time)} is not a time above 0"
-        raise source.error(source.line_at(time.start(1)), f"Frame Time: {why}")
-    return int(word), frame_time, time.end()
+        raise source.error(number, "expected 'Frame Time: SECONDS' after the number of frames")
+    seconds = parse_number(time[1])
+    if seconds is None:
+        raise source.error(number, f"Frame Time: {why_no_number(time[1])}")
+    if not 1e-6 <= seconds <= 1e6:
+        raise source.error(number, f"Frame Time: {shown(time[1])} is not a time above 0")
+    return int(count[1]), time[1], end
 
 
-def _last_line(source: Source, offset: int) -> int:
-    """The line at an offset, or the last with text where nothing follows the offset."""
-    return source.line_at(min(offset, len(source.data.rstrip())))
+def _text_line(source: Source, offset: int) -> tuple[str, int, int]:
+    """The first line from an offset on that isn't blank ("" at the end), its number, and the offset behind it."""
+    data = source.data
+    while offset < len(data):
+        end = data.find(b"\n", offset) + 1 or len(data)
+        if line := data[offset:end].strip():
+            return line.decode(errors="replace"), source.line_at(offset), end
+        offset = end
+    return "", source.line_at(len(data.rstrip())), offset
 
 
 def _frame_rate(frame_time: str) -> float:
