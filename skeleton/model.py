@@ -91,7 +91,7 @@ class Skeleton:
         """
         import pinocchio as pin
 
-        path, _ = find_urdf(path_or_name)
+        path = find_urdf(path_or_name)
         try:
             base = (pin.JointModelFreeFlyer(),) if floating_base else ()
             model = pin.buildModelFromUrdf(str(path), *base)
@@ -305,7 +305,8 @@ def _forward_kinematics(
     import pinocchio as pin
 
     data = model.createData()
-    # Views into Pinocchio's memory: three times faster than asking for each placement anew.
+    # Views into Pinocchio's memory, which save making an object for each bone and frame: that takes longer than the
+    # kinematics themselves.
     placements = [data.oMi[bone + 1] for bone in bones]
     origins = [placement.translation for placement in placements]
     matrices = [placement.rotation for placement in placements]

@@ -21,15 +21,15 @@ def _radius(*girths: tuple[float, float]) -> float:
     return sum(_mean_fraction(*girth) for girth in girths) / len(girths) / (2 * pi)
 
 
-# Girths [m] of women and men.
+# Girths [m] of women and men; those of wrist, lower thigh and ankle to 0.003 of the stature.
 _NECK = (0.3298, 0.3976)
 _BICEPS_FLEXED = (0.3056, 0.3581)
 _FOREARM_FLEXED = (0.2641, 0.3101)
-_WRIST = (0.1535, 0.1765)
+_WRIST = (0.153, 0.177)
 _UPPER_THIGH = (0.6161, 0.6251)
-_LOWER_THIGH = (0.3991, 0.4083)
+_LOWER_THIGH = (0.399, 0.408)
 _CALF = (0.3733, 0.3923)
-_ANKLE = (0.2149, 0.2317)
+_ANKLE = (0.215, 0.232)
 
 CHEST_BREADTH = 0.165
 """ANSUR II, chest breadth: 0.165 women and men."""

@@ -19,11 +19,8 @@ ROBOTS: tuple[str, ...] = tuple(_URDF_OF)
 """Names that `find_urdf` knows."""
 
 
-def find_urdf(path_or_name: str | Path) -> tuple[Path, Path]:
-    """The file of a robot given by its path or by its name in example-robot-data, and the folder of its packages.
-
-    Returns:
-        Path of the URDF file, and the folder in which `package://` addresses of meshes are looked up.
+def find_urdf(path_or_name: str | Path) -> Path:
+    """The URDF file of a robot given by its path or by its name in example-robot-data.
 
     Raises:
         UnknownNameError: neither a file nor the name of a robot; lists the robots.
@@ -31,13 +28,12 @@ def find_urdf(path_or_name: str | Path) -> tuple[Path, Path]:
     """
     name = str(path_or_name)
     if name in _URDF_OF:
-        share = _share_folder()
-        return share / "example-robot-data" / "robots" / _URDF_OF[name], share
+        return _robots_folder() / _URDF_OF[name]
     path = Path(path_or_name)
     if path.is_dir():
         raise FileError(f"{path} is a directory, not a URDF file")
     if path.is_file():
-        return path, path.parent
+        return path
     if path.suffix or len(path.parts) > 1:
         raise FileError(f"there is no file {path}; robots known by name: {', '.join(ROBOTS)}")
     raise UnknownNameError("robot", name, ROBOTS, "Or give the path of a URDF file")
@@ -48,12 +44,12 @@ def known_roles(path_or_name: str | Path) -> Mapping[str, str]:
     return _ROLES_OF.get(str(path_or_name), {})
 
 
-def _share_folder() -> Path:
+def _robots_folder() -> Path:
     try:
         distribution = importlib.metadata.distribution("example-robot-data")
     except importlib.metadata.PackageNotFoundError:
         raise FileError("the package example-robot-data, which holds the robots, is not installed") from None
-    return Path(str(distribution.locate_file("cmeel.prefix/share")))
+    return Path(str(distribution.locate_file("cmeel.prefix/share/example-robot-data/robots")))
 
 
 def _both_sides(limbs: Mapping[str, str]) -> dict[str, str]:
