@@ -1,7 +1,8 @@
 """What a simulation leaves behind."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from os import PathLike
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ class Take:
         solver: name of the solver.
         substeps: steps in each frame.
         compile_s: time spent on compiling before the first step [s].
+        settle_s: time spent on putting the cloth on and letting it settle before the first frame [s].
         solve_s: time spent on the steps of the F frames [s].
         result: "finished", "finished with warnings" or "diverged at frame N".
         warnings: what to look at, a sentence each.
@@ -50,6 +52,24 @@ class Take:
     solver: str
     substeps: int
     compile_s: float
+    settle_s: float
     solve_s: float
     result: str = "finished"
     warnings: tuple[str, ...] = field(default=())
+
+    def save(self, path: str | PathLike[str], *, layers: Iterable[str] | None = None) -> None:
+        """Write a recording for the Rerun viewer; `cape.record` documents what is in it.
+
+        Args:
+            path: the recording, by custom with the suffix .rrd; one that is there is replaced when the new one is
+                complete.
+            layers: which of "cape", "skeleton", "hitboxes", "floor" and "plots" to write, None for all.
+
+        Raises:
+            UnknownNameError: a layer doesn't exist.
+            ValueRangeError: no frame is finite.
+            FileError: the file can't be written.
+        """
+        from cape import record
+
+        record.save(self, path, layers=layers)

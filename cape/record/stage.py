@@ -1,0 +1,112 @@
+"""Where the figure stands: the place that the camera follows, and the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.colliders import Collider, Plane
+from cape.record.frames import Frames, send_once
+from cape.record.poses import from_z_axis
+from motions import quaternions
+from skeleton.track import BoneTrack
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+FloatArray = NDArray[np.float64]
+
+SMOOTHING = 1.0  # [s], about a stride: the camera glides instead of bobbing with every step
+TILE = 0.5  # [m]
+MARGIN = 6.0  # [m] of ground around the path
+MOST_TILES = 200  # along a side of the path's bounds; beyond it the tiles grow
+BACKGROUND = (30, 33, 40)
+TILE_COLORS = ((66, 71, 82), (84, 90, 103))
+
+
+def log_character(stream: rr.RecordingStream, bones: BoneTrack, frames: Frames) -> None:
+    """Put the frame that the camera follows on `/world/character`: X where the figure faces at first, Z up."""
+    import rerun as rr
+
+    send_once(stream, "/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    half = heading(bones, frames) / 2
+    turn = rr.Quaternion(xyzw=[0.0, 0.0, np.sin(half), np.cos(half)])
+    send_once(stream, "/world/character", rr.Transform3D.from_fields(quaternion=turn))
+    places = smoothed_path(bones, frames).astype(np.float32)
+    frames.send(stream, "/world/character", rr.Transform3D, {"translation": places[:, None]})
+
+
+def smoothed_path(bones: BoneTrack, frames: Frames) -> FloatArray:
+    """The pelvis (or the first bone) averaged over a second around each frame [m], shape (F, 3)."""
+    pelvis = bones.roles.get("pelvis")
+    root = bones.names.index(pelvis) if pelvis in bones.names else 0
+    path = bones.positions[frames.numbers, root]
+    steps = np.diff(frames.times)
+    half = round(SMOOTHING / 2 / np.median(steps)) if len(steps) else 0
+    # Continued beyond its ends by point reflection, so that a steady walk neither starts nor ends off centre.
+    padded = np.pad(path, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
+    sums = np.cumsum(np.concatenate([np.zeros((1, 3)), padded]), axis=0)
+    return (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
+
+
+def heading(bones: BoneTrack, frames: Frames) -> float:
+    """Angle from +X about +Z of where the figure faces in the first frame [rad].
+
+    It faces at right angles to the line between a pair of limbs; without such a pair it is taken to face where it goes,
+    and +X where it goes nowhere.
+    """
+    first = bones.positions[frames.numbers[0]]
+    for role in ("upper_arm", "thigh", "shoulder"):
+        left, right = (bones.roles.get(f"{side}_{role}") for side in ("left", "right"))
+        if left in bones.names and right in bones.names:
+            to_left = first[bones.names.index(left)] - first[bones.names.index(right)]
+            if np.hypot(to_left[0], to_left[1]) > 1e-3:
+                return float(np.arctan2(-to_left[0], to_left[1]))
+    way = bones.positions[frames.numbers[-1], 0] - first[0]
+    return float(np.arctan2(way[1], way[0])) if np.hypot(way[0], way[1]) > 1e-3 else 0.0
+
+
+def log_floor(stream: rr.RecordingStream, bones: BoneTrack, colliders: Sequence[Collider], frames: Frames) -> None:
+    """Put a chequered ground on `/world/floor`: the first plane that stands still, or z = 0 where there is none."""
+    import rerun as rr
+
+    planes = [collider for collider in colliders if isinstance(collider, Plane) and collider.bone is None]
+    vertices, triangles, colors = ground(bones.positions[frames.numbers], planes[0] if planes else Plane())
+    # Without normals a mesh isn't lit, so that the ground's rim is exactly the background's colour.
+    floor = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, vertex_colors=colors)
+    send_once(stream, "/world/floor", floor)
+
+
+def ground(positions: FloatArray, plane: Plane) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.uint8]]:
+    """A chequered mesh on a plane, under the way of a motion and a margin around it, that fades into the background.
+
+    Args:
+        positions: what is to stand on it, in the world [m], shape (..., 3).
+        plane: where it lies, in the world.
+
+    Returns:
+        Vertices of the tiles in the world [m], shape (4 N, 3), triangles, shape (2 N, 3), and colours, shape (4 N, 3).
+    """
+    plane_to_world = from_z_axis(plane.normal)
+    flat = quaternions.rotate(quaternions.conjugate(plane_to_world), positions.reshape(-1, 3) - plane.point)[:, :2]
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    tile = TILE * max(1, np.ceil((high - low).max() / (TILE * MOST_TILES)))
+    first, last = np.floor((low - MARGIN) / tile), np.ceil((high + MARGIN) / tile)
+    columns, rows = (axis.ravel() for axis in np.meshgrid(*(np.arange(a, b) for a, b in zip(first, last, strict=True))))
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    points = tile * (np.stack([columns, rows], axis=-1)[:, None] + corners)
+    off = np.linalg.norm(np.maximum(0.0, np.maximum(low - points, points - high)), axis=-1)
+    fade = np.clip(off / (MARGIN - tile), 0.0, 1.0)[..., None]
+    light = np.where((columns + rows) % 2 == 0, 1, 0)
+    colors = (1 - fade) * np.array(TILE_COLORS)[light][:, None] + fade * np.array(BACKGROUND)
+    vertices = np.concatenate([points, np.zeros_like(points[..., :1])], axis=-1).reshape(-1, 3)
+    vertices = quaternions.rotate(plane_to_world, vertices) + plane.point
+    triangles = 4 * np.arange(len(columns))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
+    return (
+        vertices.astype(np.float32),
+        triangles.reshape(-1, 3).astype(np.uint32),
+        colors.reshape(-1, 3).astype(np.uint8),
+    )

@@ -1,0 +1,108 @@
+"""Takes and characters to recording files."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cape.colliders import Collider
+from cape.record.blueprint import layout
+from cape.record.file import recording_file
+from cape.record.frames import Frames
+from cape.record.layers import check_layers, log_cape, log_hitboxes, log_plots, log_skeleton
+from cape.record.stage import log_character, log_floor
+from motions.errors import ValueRangeError
+from skeleton.track import BoneTrack
+
+if TYPE_CHECKING:
+    from cape.take import Take
+
+BODY_LAYERS = ("skeleton", "hitboxes", "floor")
+
+
+def save(take: Take, path: str | os.PathLike[str], *, layers: Iterable[str] | None = None) -> None:
+    """Write a take as a recording for the Rerun viewer.
+
+    Frames with a position that isn't finite are left out, with a warning. The file takes its name when it is complete;
+    until then one that is there stays as it is.
+
+    Args:
+        take: what to write.
+        path: the recording, by custom with the suffix .rrd.
+        layers: which of `LAYERS` to write, None for all.
+
+    Raises:
+        UnknownNameError: a layer, or a bone that a collider names, doesn't exist.
+        ValueRangeError: no frame is finite.
+        FileError: the file can't be written.
+    """
+    asked = check_layers(layers)
+    frames = _finite_frames(take.name, take.bones, take.positions)
+    with recording_file(path, application="cape", name=take.name, blueprint=layout(asked)) as stream:
+        log_character(stream, take.bones, frames)
+        if "cape" in asked:
+            log_cape(stream, take, frames)
+        if "skeleton" in asked:
+            log_skeleton(stream, take.bones, frames)
+        if "hitboxes" in asked:
+            log_hitboxes(stream, take.bones, take.colliders, frames)
+        if "floor" in asked:
+            log_floor(stream, take.bones, take.colliders, frames)
+        if "plots" in asked:
+            log_plots(stream, take, frames)
+
+
+def save_hitboxes(
+    bones: BoneTrack,
+    colliders: Sequence[Collider],
+    path: str | os.PathLike[str],
+    *,
+    name: str = "hitboxes",
+    layers: Iterable[str] | None = None,
+) -> None:
+    """Write a moving skeleton and its colliders, without any cloth, as a recording for the Rerun viewer.
+
+    Args:
+        bones: the character's poses.
+        colliders: what to draw around the bones.
+        path: the recording, by custom with the suffix .rrd.
+        name: what the viewer calls the recording.
+        layers: which of "skeleton", "hitboxes" and "floor" to write, None for all.
+
+    Raises:
+        UnknownNameError: a layer, or a bone that a collider names, doesn't exist.
+        ValueRangeError: no frame is finite.
+        FileError: the file can't be written.
+    """
+    asked = check_layers(layers, BODY_LAYERS)
+    frames = _finite_frames(name, bones)
+    with recording_file(path, application="cape hitboxes", name=name, blueprint=layout(asked)) as stream:
+        log_character(stream, bones, frames)
+        if "skeleton" in asked:
+            log_skeleton(stream, bones, frames)
+        if "hitboxes" in asked:
+            log_hitboxes(stream, bones, colliders, frames)
+        if "floor" in asked:
+            log_floor(stream, bones, colliders, frames)
+
+
+def _finite_frames(name: str, bones: BoneTrack, positions: np.ndarray | None = None) -> Frames:
+    """The frames in which all positions are finite; warns of the others."""
+    finite = np.ones(len(bones.times), bool)
+    for values in (bones.positions, bones.rotations_wxyz, positions):
+        if values is not None:
+            finite &= np.isfinite(values).all(axis=(1, 2))
+    if not finite.any():
+        raise ValueRangeError(f"nothing to record: none of the {len(finite)} frames of {name!r} is finite")
+    if not finite.all():
+        bad = np.flatnonzero(~finite)
+        warnings.warn(
+            f"left {len(bad)} of {len(finite)} frames out of the recording of {name!r}: "
+            f"positions aren't finite from frame {bad[0]}",
+            stacklevel=3,
+        )
+    return Frames(np.flatnonzero(finite), bones.times[finite])
