@@ -1,0 +1,121 @@
+"""From a scene and a track to a take."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from cape.scene import Scene
+from cape.simulation import Diverged, Pose, Simulation
+from cape.solvers import Solver
+from cape.take import Take
+from motions.errors import ValueRangeError
+from skeleton.track import BoneTrack
+
+
+def simulate(
+    scene: Scene,
+    track: BoneTrack,
+    *,
+    solver: Solver | None = None,
+    fps: float | None = None,
+    settle: float | None = None,
+    name: str = "take",
+    progress: Callable[[int, int], None] | None = None,
+) -> Take:
+    """Simulate a cloth along a motion.
+
+    Args:
+        scene: cloth, attachments, colliders, forces.
+        track: poses of at least the bones that the scene uses.
+        solver: None for symplectic Euler with the step that the scene needs.
+        fps: frames per second of the take; None for the track's own.
+        settle: time to let the cloth come to rest in the first pose [s]; None for as long as it needs.
+        name: what the take is called.
+        progress: called after each frame with the number of frames done and of all.
+
+    Returns:
+        The take. When the cloth diverges, or the user interrupts, it ends with the last good frame and says so.
+
+    Raises:
+        UnknownNameError: the scene uses a bone that the track has not.
+        ValueRangeError: the track has a single frame, or the cloth can't be put on.
+    """
+    if track.frames < 2:
+        raise ValueRangeError("a motion of one frame can't be simulated: at least two are needed")
+    if fps is not None:
+        track = track.resample(fps)
+    simulation = Simulation(scene, solver=solver)
+    chosen = [track.index(bone) for bone in simulation.bones]
+    poses = [Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]) for f in range(track.frames)]
+    steps = np.diff(track.times)
+
+    started = time.perf_counter()
+    simulation.compile(poses[0])
+    compiled = time.perf_counter()
+    simulation.start(poses[0], settle=settle)
+    settled = time.perf_counter()
+    simulation.add_velocity(_first_velocity(scene, track))
+
+    meter = simulation.meter()
+    positions = [simulation.positions.astype(np.float32)]
+    readings = [simulation.read(meter)]
+    solve_s, result, warnings = 0.0, "finished", []
+    try:
+        for frame in range(1, track.frames):
+            begun = time.perf_counter()
+            simulation.step(poses[frame], float(steps[frame - 1]))
+            solve_s += time.perf_counter() - begun
+            readings.append(simulation.read(meter))
+            positions.append(simulation.positions.astype(np.float32))
+            if progress is not None:
+                progress(frame + 1, track.frames)
+    except Diverged as error:
+        result = f"diverged at frame {len(positions)}"
+        warnings.append(str(error))
+    except KeyboardInterrupt:
+        result = f"stopped at frame {len(positions)}"
+    frames = min(len(positions), len(readings))
+    if simulation.retried:
+        warnings.append(f"{simulation.retried} frames needed a smaller step than estimated")
+    return Take(
+        name=name,
+        bones=_first_frames(track, frames),
+        colliders=tuple(scene.colliders),
+        triangles=scene.cloth.triangles,
+        texcoords=scene.cloth.texcoords,
+        positions=np.stack(positions[:frames]),
+        stretch_max=np.array([r.stretch for r in readings[:frames]]),
+        stretch_p99=meter.stretch_quantile(0.99),
+        penetration=np.array([r.penetration for r in readings[:frames]]),
+        penetrated=np.array([r.collider for r in readings[:frames]]),
+        kinetic_energy=np.array([r.kinetic_energy for r in readings[:frames]]),
+        solver=simulation.solver.name,
+        substeps=simulation.substeps,
+        compile_s=compiled - started,
+        settle_s=settled - compiled,
+        solve_s=solve_s,
+        result=result if result != "finished" or not warnings else "finished with warnings",
+        warnings=tuple(warnings),
+    )
+
+
+def _first_velocity(scene: Scene, track: BoneTrack) -> np.ndarray:
+    """Mean velocity at the start of the bones that hold the cloth [m/s], so that it does not start with a jerk."""
+    held = [track.index(a.bone) for a in scene.attachments]
+    if not held:
+        return np.zeros(3)
+    return (track.positions[1, held] - track.positions[0, held]).mean(axis=0) / (track.times[1] - track.times[0])
+
+
+def _first_frames(track: BoneTrack, frames: int) -> BoneTrack:
+    if frames == track.frames:
+        return track
+    return BoneTrack(
+        track.names,
+        track.times[:frames],
+        track.positions[:frames],
+        track.rotations_wxyz[:frames],
+        track.parents,
+        track.roles,
+    )

@@ -1,0 +1,23 @@
+"""Solvers: immutable descriptions of how a cloth is advanced in time."""
+
+from motions.errors import UnknownNameError
+from cape.solvers.base import Solver
+from cape.solvers.euler import SymplecticEuler
+from cape.solvers.xpbd import XPBD
+
+SOLVERS: dict[str, type[Solver]] = {"euler": SymplecticEuler, "xpbd": XPBD}
+
+
+def solver(name: str, *, substeps: int | None = None) -> Solver:
+    """Give the solver of that name with its defaults, or with a number of substeps per frame.
+
+    Raises:
+        UnknownNameError: there is no such solver.
+        ValueRangeError: the number of substeps is not positive.
+    """
+    if name not in SOLVERS:
+        raise UnknownNameError("solver", name, SOLVERS)
+    return SOLVERS[name](substeps=substeps)
+
+
+__all__ = ["SOLVERS", "XPBD", "Solver", "SymplecticEuler", "solver"]

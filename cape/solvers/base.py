@@ -1,0 +1,55 @@
+"""What every solver is."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from cape.assemble import Assembly
+from cape.kernels.records import Motion, State
+from motions.errors import ValueRangeError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solver(ABC):
+    """How a cloth is advanced by one frame; holds settings alone, never the state of a run.
+
+    Attributes:
+        substeps: steps in each frame, None to let the solver choose.
+        precision: of the cloth's positions and velocities.
+    """
+
+    name: ClassVar[str]
+    substeps: int | None = None
+    precision: Literal["single", "double"] = "double"
+
+    def __post_init__(self) -> None:
+        """Check the settings.
+
+        Raises:
+            ValueRangeError: the number of substeps is not positive, or the precision is unknown.
+        """
+        if self.substeps is not None and self.substeps < 1:
+            raise ValueRangeError(f"substeps must be 1 or more, not {self.substeps}")
+        if self.precision not in ("single", "double"):
+            raise ValueRangeError(f"precision must be single or double, not {self.precision!r}")
+
+    @property
+    def dtype(self) -> type[np.floating]:
+        """The precision as a numpy type."""
+        return np.float32 if self.precision == "single" else np.float64
+
+    @abstractmethod
+    def init(self, assembly: Assembly) -> Any:
+        """Prepare the arrays that the steps of one run share."""
+
+    @abstractmethod
+    def choose_substeps(self, room: Any, duration: float) -> int:
+        """Number of steps in a frame of `duration` [s]."""
+
+    @abstractmethod
+    def step(
+        self, assembly: Assembly, room: Any, state: State, motion: Motion, *, duration: float, substeps: int
+    ) -> None:
+        """Advance `state` in place by a frame of `duration` [s], while the bones move as `motion` tells."""
