@@ -418,10 +418,11 @@ def test_save_replaces_only_when_complete(tmp_path):
     assert target.read_text() == "before"
     motions.save(clip, target)
     assert_same_motion(motions.load(target), clip)
-    for hopeless in (tmp_path, tmp_path / "none" / "out.bvh", "/proc/out.bvh"):
+    (tmp_path / "folder").mkdir()
+    for hopeless in (tmp_path / "folder", tmp_path / "none" / "out.bvh", "/proc/out.bvh"):
         with pytest.raises(FileError, match="can't write"):
             motions.save(clip, hopeless)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["clip.bvh", "out.bvh"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["clip.bvh", "folder", "out.bvh"]
 
 
 def test_real_files_read_write_read(mocap, tmp_path):
@@ -588,3 +589,16 @@ def test_no_text_takes_long(tmp_path, text):
     else:
         with pytest.raises(FileError):
             motions.load(path)
+
+
+def test_shipped_clips_load_by_name_unless_a_file_has_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("motions.shipped._FOLDER", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path, PERSON, "stroll.bvh")
+    assert motions.clip_names() == ("stroll",)
+    assert motions.load("stroll").name == "stroll"
+    with pytest.raises(UnknownNameError, match="no shipped clip named 'strol'; available: stroll"):
+        motions.clip_path("strol")
+    write(tmp_path, PERSON.replace("Frames: 4", "Frames: 5"), "stroll")
+    with pytest.raises(FileError, match="declares 5 frames"):
+        motions.load("stroll")
