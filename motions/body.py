@@ -2,14 +2,15 @@
 
 Segment lengths are fractions of the body height from R. Drillis and R. Contini, "Body segment parameters" (1966), as in
 D. A. Winter, "Biomechanics and Motor Control of Human Movement", 4th ed. (2009), figure 4.1; masses and centres of mass
-are from Winter's table 4.1. How the trunk is divided into its joints, the distance of the hip joints and the shape of the
-foot (beyond its height and length) are choices of this module.
+are from Winter's table 4.1. How the trunk is divided into its joints, the distance of the hip joints and the shape of
+the foot (beyond its height and length) are choices of this module.
 
 In the rest pose the body stands in a T-pose facing +x, z up, and the frames of all joints are parallel to the world's.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import reduce
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -91,23 +92,21 @@ for _side in SIDES:
     ]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Arm:
-    """Angles of one arm over F frames [rad], all zero where it hangs straight down; shapes (F,) or scalars.
+    """Angles of one arm over F frames [rad], shapes (F,), all zero where it hangs straight down.
 
     Attributes:
         flexion: of the shoulder, forwards.
         abduction: of the shoulder, away from the body.
         twist: of the upper arm about itself, inwards.
         elbow: flexion of the elbow.
-        wrist: flexion of the wrist, towards the palm.
     """
 
-    flexion: FloatArray | float = 0.0
-    abduction: FloatArray | float = 0.0
-    twist: FloatArray | float = 0.0
-    elbow: FloatArray | float = 0.0
-    wrist: FloatArray | float = 0.0
+    flexion: FloatArray
+    abduction: FloatArray
+    twist: FloatArray
+    elbow: FloatArray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -123,6 +122,9 @@ class Leg:
     shin: FloatArray
     foot: FloatArray
     toes: FloatArray
+
+
+_Part = TypeVar("_Part", Arm, Leg)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -144,6 +146,21 @@ class Posture:
     arms: dict[str, Arm]
     legs: dict[str, Leg]
 
+    def taken(self, frames: NDArray[np.int64]) -> "Posture":
+        """The frames of these indices, shape (N,)."""
+
+        def part(of: _Part) -> _Part:
+            return replace(of, **{field.name: getattr(of, field.name)[frames] for field in fields(of)})
+
+        return Posture(
+            root=self.root[frames],
+            pelvis=self.pelvis[frames],
+            chest=self.chest[frames],
+            head=self.head[frames],
+            arms={side: part(arm) for side, arm in self.arms.items()},
+            legs={side: part(leg) for side, leg in self.legs.items()},
+        )
+
     def local_rotations(self) -> FloatArray:
         """Unit quaternions (w, x, y, z) joint_to_parent, shape (F, J, 4), signs continuous over the frames."""
         still = np.array([1.0, 0.0, 0.0, 0.0])
@@ -159,11 +176,10 @@ class Posture:
             place(joint, quaternions.slerp(still, between(self.chest, self.head), 1 / 2))
         for side, sign in SIDES.items():
             arm, leg = self.arms[side], self.legs[side]
-            swing = chain(about("y", np.negative(arm.flexion)), about("x", sign * np.asarray(arm.abduction)))
-            twist = about("z", -sign * np.asarray(arm.twist))
+            swing = chain(about("y", -arm.flexion), about("x", sign * arm.abduction))
+            twist = about("z", -sign * arm.twist)
             place(f"{side}Arm", chain(swing, twist, about("x", -sign * np.pi / 2)))
-            place(f"{side}ForeArm", about("z", -sign * np.asarray(arm.elbow)))
-            place(f"{side}Hand", about("x", -sign * np.asarray(arm.wrist)))
+            place(f"{side}ForeArm", about("z", -sign * arm.elbow))
             place(f"{side}UpLeg", between(self.pelvis, leg.thigh))
             place(f"{side}Leg", between(leg.thigh, leg.shin))
             place(f"{side}Foot", between(leg.shin, leg.foot))

@@ -9,7 +9,7 @@ FloatArray = NDArray[np.float64]
 
 
 def step(x: ArrayLike, start: float, end: float) -> FloatArray:
-    """0 before `start`, 1 after `end`, between them 6 s^5 - 15 s^4 + 10 s^3, which has continuous second derivatives."""
+    """0 before `start`, 1 after `end`, between them 6 s^5 - 15 s^4 + 10 s^3: second derivatives are continuous."""
     s = np.clip((np.asarray(x, dtype=float) - start) / (end - start), 0.0, 1.0)
     return s**3 * (10 + s * (6 * s - 15))
 
@@ -75,7 +75,7 @@ def keyed(x: ArrayLike, *keys: tuple[float, float]) -> FloatArray:
 def bridged(
     x: FloatArray, grounded: FloatArray, free: FloatArray, *, leave: float, land: float, fade: float, slope_fade: float
 ) -> FloatArray:
-    """`grounded` up to `leave` and from `land` on; between them `free`, which is joined without a jump in value or slope.
+    """`grounded` up to `leave` and from `land` on; between them `free`, joined without a jump in value or slope.
 
     The difference between the two at either end is carried over into the free part and faded out: its value within
     `fade`, its slope within `slope_fade`.

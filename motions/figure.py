@@ -4,14 +4,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from motions import quaternions
-from motions.body import SIDES, Arm, Posture, about, center_of_mass, hip_joints
+from motions.body import SHIN, SIDES, THIGH, Arm, Posture, about, center_of_mass, hip_joints, oriented
 from motions.legs import foot_rotation, leg, standing_ankle
 
 FloatArray = NDArray[np.float64]
 
+STANDING = 1.030  # height of the centre of mass of the figure at ease, knees all but straight
 TOE_OUT = np.radians(8.0)
 FOOT_SPREAD = 0.10
 BALANCE_ROUNDS = 12
@@ -26,7 +27,7 @@ class Foot:
         pitch: toes up positive [rad], shape (F,).
         yaw: direction of the foot in the world [rad], shape (F,).
         toes: bend of the toes upwards [rad], shape (F,).
-        knee_out: how far the knee points outwards from between the foot and the pelvis [rad], shape (F,).
+        knee_out: how far the knee points outwards of the direction between foot and pelvis [rad], shape (F,).
     """
 
     ankle: FloatArray
@@ -86,7 +87,7 @@ def composed(root: FloatArray, upper: Upper, feet: Feet) -> Posture:
 
 
 def balanced(target: FloatArray, upper: Upper, feet: Feet) -> Posture:
-    """The figure whose centre of mass follows `target` [m], shape (F, 3); hips are moved by what is missing, repeatedly.
+    """The figure whose centre of mass follows `target` [m], shape (F, 3), by moving the hips by what is missing.
 
     Moving the hips moves at least the trunk, half of the mass, so what is missing shrinks every time.
     """
@@ -95,3 +96,29 @@ def balanced(target: FloatArray, upper: Upper, feet: Feet) -> Posture:
         posture = composed(root, upper, feet)
         root = root + target - center_of_mass(posture.clip("", 1.0).world_positions())
     return composed(root, upper, feet)
+
+
+def turned(*, yaw: ArrayLike = 0.0, roll: ArrayLike = 0.0, pitch: ArrayLike = 0.0) -> FloatArray:
+    """`body.oriented` in degrees; one or more of the angles have shape (F,)."""
+    return oriented(*np.broadcast_arrays(*(np.radians(angle) for angle in (yaw, roll, pitch))))
+
+
+def arm(*, flexion: ArrayLike, abduction: ArrayLike, twist: ArrayLike, elbow: ArrayLike) -> Arm:
+    """A `body.Arm` in degrees; one or more of the angles have shape (F,)."""
+    angles = np.broadcast_arrays(*(np.radians(angle) for angle in (flexion, abduction, twist, elbow)))
+    flexion, abduction, twist, elbow = angles
+    return Arm(flexion=flexion, abduction=abduction, twist=twist, elbow=elbow)
+
+
+def hanging(hip: FloatArray, thigh: FloatArray, knee: FloatArray) -> FloatArray:
+    """World positions of the ankle [m], shape (F, 3), of a leg that hangs in the air from the hip of a body facing +x.
+
+    Args:
+        hip: world positions of the hip joint [m], shape (F, 3).
+        thigh: how far the thigh is raised forwards [rad], shape (F,).
+        knee: flexion of the knee [rad], shape (F,).
+    """
+    shin = thigh - knee
+    forwards = THIGH * np.sin(thigh) + SHIN * np.sin(shin)
+    downwards = THIGH * np.cos(thigh) + SHIN * np.cos(shin)
+    return hip + np.column_stack([forwards, np.zeros_like(forwards), -downwards])

@@ -1,23 +1,23 @@
 """Walking and running: measured joint angles, corrected just enough that no foot slides.
 
 1. The measured angles give the path of the ankle relative to the hips over one stride (forward kinematics).
-2. In stance the foot rolls in place: on the heel, flat, on the ball. Stride length, and bob, sway and surge of the hips as
-   a few harmonics, are the least-squares solution of "measured path = path of a foot that stands".
-3. What remains of the difference is kept in stance and faded over the swing, with continuous acceleration; inverse
-   kinematics turns the ankles back into angles of hip and knee.
+2. In stance the foot rolls in place: on the heel, flat, on the ball. The stride's length, and bob, sway and surge of
+   the hips as a few harmonics, are the least-squares solution of "measured path = path of a foot that stands".
+3. What remains of the difference is kept in stance and faded out in the swing; inverse kinematics turns the ankles back
+   into angles of hip and knee.
 
-Angles of the legs and, in walking, of the pelvis are measured ones (see `gait_data`). Those of chest, head and arms, and
-of the runner's pelvis, are chosen to look right: each arm swings with the opposite leg.
+Angles of the legs and the pelvis, and those of the runner's shoulders and elbows, are measured (see `gait_data`). Those
+of chest and head, of the walker's arms, and the direction of the feet are chosen to look right.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motions import gait_data, quaternions
-from motions.body import OFFSETS, SHIN, SIDES, THIGH, Arm, Leg, Posture, about, chain, hip_joints
 from motions.body import INDEX as JOINT
+from motions.body import OFFSETS, SHIN, SIDES, THIGH, Arm, Posture, about, chain, hip_joints
 from motions.clip import Clip
 from motions.curves import bridged, periodic, step
 from motions.legs import foot_rotation, leg, standing_ankle
@@ -90,12 +90,12 @@ RUN = Gait(
     angles=_columns(gait_data.RUN_COLUMNS, gait_data.RUN),
     frames=2 * round(FPS / gait_data.RUN_STRIDES_PER_SECOND / 2),
     strides=6,
-    start=0.25,
+    start=0.114,
     stance=(0.02, 0.29),
     flat=(0.0, 0.08, 0.16, 0.27),
     lean=(6.0, 9.0, 5.0),
     counter=10.0,
-    arm_out=(14.0, 15.0),
+    arm_out=(16.0, 15.0),
     toe_out=5.0,
 )
 
@@ -117,21 +117,8 @@ def performed(gait: Gait) -> Posture:
     total = np.arange(count) + round(gait.start * gait.frames)
     index = total % gait.frames
     root = stride.root[index]
-    root[:, 0] += length * (total - total[0]) / gait.frames - stride.root[index[0], 0]
-    return Posture(
-        root=root,
-        pelvis=stride.pelvis[index],
-        chest=stride.chest[index],
-        head=stride.head[index],
-        arms={
-            side: Arm(flexion=arm.flexion[index], abduction=arm.abduction, twist=arm.twist, elbow=arm.elbow[index])
-            for side, arm in stride.arms.items()
-        },
-        legs={
-            side: Leg(thigh=leg.thigh[index], shin=leg.shin[index], foot=leg.foot[index], toes=leg.toes[index])
-            for side, leg in stride.legs.items()
-        },
-    )
+    root[:, 0] += length * (total - total[0]) / gait.frames - root[0, 0]
+    return replace(stride.taken(index), root=root)
 
 
 def one_stride(gait: Gait) -> tuple[Posture, float]:
@@ -232,10 +219,11 @@ def _hips_path(
     def solved(rows: FloatArray, right: FloatArray) -> FloatArray:
         # Few equations hold the waves where a stance is short: pull them, the last four unknowns, towards zero.
         pull = WAVES_PULL * np.sqrt(len(right)) * np.eye(rows.shape[1])[-4:]
-        return np.linalg.lstsq(np.concatenate([rows, pull]), np.concatenate([right, np.zeros(4)]), rcond=None)[0]
+        rows, right = np.concatenate([rows, pull]), np.concatenate([right, np.zeros(4)])
+        return np.linalg.lstsq(rows, right, rcond=None)[0].astype(np.float64)
 
-    # In each axis: (travel) + waves + measured = spot + roll. Left and right strides alike leave even harmonics of surge
-    # and bob and odd ones of sway.
+    # In each axis: (travel) + waves + measured = spot + roll. Left and right steps are alike, which leaves even
+    # harmonics of surge and bob, and odd ones of sway.
     even, odd = waves(2, 4), waves(1, 3)
     target = roll - measured
     surge = solved(np.column_stack([phase, -one, even])[stance], target[stance, 0])
@@ -278,6 +266,9 @@ def _arms(gait: Gait, phase: FloatArray) -> dict[str, Arm]:
     for side, contact in zip(SIDES, (0.0, 0.5), strict=True):
         own = phase + contact
         arms[side] = Arm(
-            flexion=_angle(gait, "shoulder", own), abduction=abduction, twist=twist, elbow=_angle(gait, "elbow", own)
+            flexion=_angle(gait, "shoulder", own),
+            abduction=np.full_like(own, abduction),
+            twist=np.full_like(own, twist),
+            elbow=_angle(gait, "elbow", own),
         )
     return arms

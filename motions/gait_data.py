@@ -1,7 +1,7 @@
 """Measured joint angles of walking and running over one stride, from a foot's contact to its next [degrees].
 
-Rows are evenly spaced over the stride. Positive are: the pelvis tilted forwards, up and forwards on the side of the foot;
-hip, knee, shoulder and elbow flexed, hip adducted, ankle dorsiflexed.
+Rows are evenly spaced over the stride. Positive are: the pelvis tilted forwards, up and forwards on the side of the
+foot; hip, knee, shoulder and elbow flexed, hip adducted, ankle dorsiflexed.
 """
 
 import numpy as np

@@ -43,11 +43,6 @@ def leg(hip: FloatArray, ankle: FloatArray, foot: FloatArray, toes: FloatArray, 
     return Leg(thigh=thigh, shin=shin, foot=foot, toes=toes)
 
 
-def leg_length(knee: ArrayLike) -> FloatArray:
-    """Distance from hip to ankle [m] of a leg whose knee is flexed by `knee` [rad]."""
-    return np.sqrt(THIGH**2 + SHIN**2 + 2 * THIGH * SHIN * np.cos(knee))
-
-
 def foot_rotation(pitch: ArrayLike, yaw: ArrayLike) -> FloatArray:
     """Foot_to_world of a foot pitched toes up by `pitch` and turned to the left by `yaw` [rad], shape (F, 4)."""
     return chain(about("z", yaw), about("y", np.negative(pitch)))
@@ -64,5 +59,5 @@ def standing_ankle(spot: FloatArray, pitch: FloatArray, yaw: ArrayLike) -> Float
         yaw: direction of the foot [rad], scalar or shape (F,).
     """
     pivot = np.where(pitch[:, None] > 0, HEEL, BALL)
-    flat = quaternions.rotate(about("z", yaw), pivot + [0.0, 0.0, ANKLE_HEIGHT])
+    flat = quaternions.rotate(about("z", yaw), pivot + np.array([0.0, 0.0, ANKLE_HEIGHT]))
     return spot + flat - quaternions.rotate(foot_rotation(pitch, yaw), pivot)

@@ -1,4 +1,4 @@
-"""Makes the shipped clips again: `python -m motions.make [FOLDER]` writes them over those in motions/clips or elsewhere."""
+"""Makes the shipped clips again: `python -m motions.make [FOLDER]`, by default in place of those in motions/clips."""
 
 import sys
 from collections.abc import Callable
@@ -20,7 +20,7 @@ MAKERS: dict[str, Callable[[], Clip]] = {
     "spin": performances.spin,
 }
 
-DIGITS = 6
+DIGITS = 7
 
 
 def make(folder: Path) -> list[Path]:
