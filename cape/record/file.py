@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import uuid
 import warnings
 from collections.abc import Iterator
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def recording_file(
-    path: str | os.PathLike[str], *, application: str, name: str, blueprint: rrb.Blueprint
+    path: str | os.PathLike[str], *, application: str, name: str, blueprint: rrb.Blueprint, size: int
 ) -> Iterator[rr.RecordingStream]:
     """Open a stream into a file that takes its name when the block ends, and vanishes when the block fails.
 
@@ -30,6 +31,7 @@ def recording_file(
         application: Rerun's application id, under which the viewer keeps its layout.
         name: what the viewer calls the recording.
         blueprint: the layout that the recording opens with.
+        size: how large it will be, roughly [bytes].
 
     Raises:
         FileError: the file can't be written.
@@ -42,6 +44,10 @@ def recording_file(
     try:
         if target.exists() and not target.is_file():
             raise FileError(f"can't write {path}: it is {'a directory' if target.is_dir() else 'no regular file'}")
+        # Asked beforehand because a disk that fills up is only logged by Rerun's writer, and can leave it waiting.
+        free = shutil.disk_usage(target.parent).free
+        if free < size:
+            raise FileError(f"can't write {path}: it takes about {size / 1e6:.0f} MB and {free / 1e6:.0f} MB are free")
         partial.touch(exist_ok=False)
     except OSError as error:
         raise FileError(f"can't write {path}: {error.strerror}") from error

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from cape.take import Take
 
 BODY_LAYERS = ("skeleton", "hitboxes", "floor")
+OVERHEAD = 4_000_000  # [bytes], more than all but the cloth takes in some minutes of motion
 
 
 def save(take: Take, path: str | os.PathLike[str], *, layers: Iterable[str] | None = None) -> None:
@@ -42,7 +43,8 @@ def save(take: Take, path: str | os.PathLike[str], *, layers: Iterable[str] | No
     """
     asked = check_layers(layers)
     frames = _finite_frames(take.name, take.bones, take.positions)
-    with recording_file(path, application="cape", name=take.name, blueprint=layout(asked)) as stream:
+    size = OVERHEAD + (2 * take.positions.nbytes if "cape" in asked else 0)
+    with recording_file(path, application="cape", name=take.name, blueprint=layout(asked), size=size) as stream:
         log_character(stream, take.bones, frames)
         if "cape" in asked:
             log_cape(stream, take, frames)
@@ -80,7 +82,7 @@ def save_hitboxes(
     """
     asked = check_layers(layers, BODY_LAYERS)
     frames = _finite_frames(name, bones)
-    with recording_file(path, application="cape hitboxes", name=name, blueprint=layout(asked)) as stream:
+    with recording_file(path, application="cape hitboxes", name=name, blueprint=layout(asked), size=OVERHEAD) as stream:
         log_character(stream, bones, frames)
         if "skeleton" in asked:
             log_skeleton(stream, bones, frames)
