@@ -78,17 +78,20 @@ OFFSETS = np.array([offset for _, _, offset in _JOINTS])
 END_PARENTS = np.array([INDEX[name] for name, _ in _ENDS], dtype=np.int64)
 END_OFFSETS = np.array([offset for _, offset in _ENDS])
 
-# Winter (2009), table 4.1: mass over body mass, and centre of mass from the proximal joint over the segment's length.
-# The head and neck's centre of mass is near the ear canal, which is where the joint "Head" is raised to here.
-_SEGMENTS = [("Hips", "Neck", 0.497, 0.50), ("Neck", "Head", 0.081, 1.0)]
+# Winter (2009), table 4.1: segments from their proximal to their distal joints (the middle, where they are two), mass
+# over body mass, and centre of mass from the proximal end over the length. The joint "Head" stands for the ear.
+_SEGMENTS: list[tuple[tuple[str, ...], tuple[str, ...], float, float]] = [
+    (("LeftUpLeg", "RightUpLeg"), ("LeftArm", "RightArm"), 0.497, 0.50),
+    (("Head",), ("Head",), 0.081, 0.0),
+]
 for _side in SIDES:
     _SEGMENTS += [
-        (f"{_side}Arm", f"{_side}ForeArm", 0.028, 0.436),
-        (f"{_side}ForeArm", f"{_side}Hand", 0.016, 0.430),
-        (f"{_side}Hand", f"{_side}Hand", 0.006, 0.0),
-        (f"{_side}UpLeg", f"{_side}Leg", 0.100, 0.433),
-        (f"{_side}Leg", f"{_side}Foot", 0.0465, 0.433),
-        (f"{_side}Foot", f"{_side}ToeBase", 0.0145, 0.5),
+        ((f"{_side}Arm",), (f"{_side}ForeArm",), 0.028, 0.436),
+        ((f"{_side}ForeArm",), (f"{_side}Hand",), 0.016, 0.430),
+        ((f"{_side}Hand",), (f"{_side}Hand",), 0.006, 0.0),
+        ((f"{_side}UpLeg",), (f"{_side}Leg",), 0.100, 0.433),
+        ((f"{_side}Leg",), (f"{_side}Foot",), 0.0465, 0.433),
+        ((f"{_side}Foot",), (f"{_side}ToeBase",), 0.0145, 0.5),
     ]
 
 
@@ -229,9 +232,7 @@ def hip_joints(root: FloatArray, pelvis: FloatArray) -> dict[str, FloatArray]:
 def center_of_mass(positions: FloatArray) -> FloatArray:
     """Centre of mass of the body [m], shape (F, 3), from the joints' world positions, shape (F, J, 3)."""
     total = np.zeros((len(positions), 3))
-    mass = 0.0
-    for proximal, distal, fraction, along in _SEGMENTS:
-        start, end = positions[:, INDEX[proximal]], positions[:, INDEX[distal]]
-        total += fraction * (start + along * (end - start))
-        mass += fraction
-    return total / mass
+    for proximal, distal, mass, along in _SEGMENTS:
+        start, end = (positions[:, [INDEX[joint] for joint in ends]].mean(axis=1) for ends in (proximal, distal))
+        total += mass * (start + along * (end - start))
+    return total / sum(mass for _, _, mass, _ in _SEGMENTS)

@@ -12,7 +12,7 @@ from motions.legs import foot_rotation, leg, standing_ankle
 
 FloatArray = NDArray[np.float64]
 
-STANDING = 1.030  # height of the centre of mass of the figure at ease, knees all but straight
+STANDING = 1.005  # height of the centre of mass of the figure at ease, knees all but straight
 TOE_OUT = np.radians(8.0)
 FOOT_SPREAD = 0.10
 BALANCE_ROUNDS = 12

@@ -49,6 +49,7 @@ class Gait:
         counter: how far the chest turns against the pelvis.
         arm_out: abduction and inward twist of the upper arm.
         toe_out: how far the feet point outwards.
+        spread: how much wider than measured the legs are held, so that these thighs pass each other.
     """
 
     angles: dict[str, FloatArray]
@@ -61,6 +62,7 @@ class Gait:
     counter: float
     arm_out: tuple[float, float]
     toe_out: float
+    spread: float
 
 
 def _columns(names: tuple[str, ...], table: FloatArray) -> dict[str, FloatArray]:
@@ -84,6 +86,7 @@ WALK = Gait(
     counter=5.0,
     arm_out=(5.0, 10.0),
     toe_out=7.0,
+    spread=0.0,
 )
 
 RUN = Gait(
@@ -95,8 +98,9 @@ RUN = Gait(
     flat=(0.0, 0.08, 0.16, 0.27),
     lean=(6.0, 9.0, 5.0),
     counter=10.0,
-    arm_out=(16.0, 15.0),
+    arm_out=(18.0, 15.0),
     toe_out=5.0,
+    spread=3.0,
 )
 
 
@@ -190,7 +194,7 @@ def _measured_leg(gait: Gait, pelvis: FloatArray, phase: FloatArray) -> tuple[Fl
     """Segment_to_world of the left thigh, shin and foot by the measured angles alone, shapes (F, 4)."""
     # The clinical pelvis is tilted forwards when the body stands; here it leans by `lean`, the thighs stay as measured.
     at_rest = np.radians(np.mean(gait.angles["tilt"]) - gait.lean[0])
-    hip, adduction = _angle(gait, "hip", phase) - at_rest, _angle(gait, "adduction", phase)
+    hip, adduction = _angle(gait, "hip", phase) - at_rest, _angle(gait, "adduction", phase) - np.radians(gait.spread)
     thigh = chain(pelvis, about("y", -hip), about("x", -adduction))
     shin = chain(thigh, about("y", _angle(gait, "knee", phase)))
     return thigh, shin, chain(shin, about("y", -_angle(gait, "ankle", phase)))

@@ -14,7 +14,6 @@ RUN_COLUMNS = (*WALK_COLUMNS, "shoulder", "elbow")
 # (github.com/NCH-Motion-Laboratory/gaitutils, gaitutils/data/normal.gcd, commit 4eea457); there a row each 2 %.
 WALK_STRIDES_PER_SECOND = 0.851
 WALK_STRIDE = 1.388
-WALK_FOOT_OFF = 0.655
 WALK = np.array(
     [
         (10.9, -0.1, 0.0, 33.5, -1.4, 0.4, 2.0),

@@ -147,6 +147,12 @@ def test_speeds(clips: dict[str, motions.Clip], name: str, slowest: float, faste
     assert abs(velocity[1]) < 0.02
 
 
+def test_the_run_is_nearly_as_fast_as_the_measured_one(clips: dict[str, motions.Clip]) -> None:
+    """Speed follows from the measured angles and cadence, on this body's legs, which aren't the subject's."""
+    root = clips["run"].root_positions[:, 0]
+    assert (root[-1] - root[0]) / clips["run"].duration == pytest.approx(gait_data.RUN_SPEED, rel=0.1)
+
+
 def test_the_walk_covers_the_measured_stride(clips: dict[str, motions.Clip]) -> None:
     """Stride length follows from the measured angles and this body's legs; the subject's own was measured apart."""
     root = clips["walk"].root_positions[:, 0]

@@ -15,10 +15,10 @@ from motions.score import FPS, Score, score
 FloatArray = NDArray[np.float64]
 
 TURNS = 2
-LEAVE, LAND = 1.31, 3.45
+LEAVE, LAND = 1.31, 3.54
 
 # The raised foot's ankle seen from between the hips: in front of the other leg's knee.
-RAISED = np.array([0.15, -0.05, -0.42])
+RAISED = np.array([0.18, -0.09, -0.42])
 BEHIND, LANDED = np.array([-0.26, -0.02, 0.0]), np.array([-0.03, -0.02, 0.0])
 
 
@@ -27,7 +27,7 @@ def spin() -> Clip:
     moments = score(
         4.8,
         ready=0.25, peel=0.34, back=0.40, away=0.55, placed=0.80, wind=0.95, push=1.25, leave=LEAVE, open=1.39,
-        up=1.50, drawn=1.60, whirl=1.70, down=2.95, heel=3.00, close=3.35, land=LAND, flat=3.57, settled=4.20,
+        up=1.50, drawn=1.60, whirl=1.70, down=2.95, heel=3.00, close=3.35, land=LAND, flat=3.66, settled=4.25,
     )  # fmt: skip
     turn = -360.0 * TURNS * _ramp(moments, "push", "close", ease=0.30)
     wound = moments(ready=0, wind=22, push=20, drawn=0)
@@ -85,24 +85,25 @@ def spin() -> Clip:
     planted = on_ground(
         "Right",
         spot("Right") + np.where(before, stepping, LANDED),
-        pitch=moments.radians(peel=0, away=-30, placed=-24, wind=-26, leave=-48, up=-30, down=-20, close=-22, flat=0),
+        pitch=moments.radians(peel=0, away=-30, placed=-24, wind=-26, leave=-48, up=-30, down=-20, land=-18, flat=0),
     )
     timing = {"leave": LEAVE, "land": LAND, "slope_fade": 0.10}
     pointed = np.full_like(turn, np.radians(-58.0))
     pitch = bridged(moments.times, planted.pitch, pointed, fade=0.25, **timing)
+    opened = moments.share("push", "up") * (1 - moments.share("heel", "flat"))
     in_air = moments.share("leave", "up") * (1 - moments.share("close", "land"))
     raised = replace(
         planted,
         pitch=pitch,
-        yaw=planted.yaw + turning - 0.5 * whirling,
+        yaw=planted.yaw + turning - 0.5 * opened,
         toes=planted.toes * (1 - in_air),
-        knee_out=1.0 * whirling,
+        knee_out=1.0 * opened,
     )
 
     def feet(hips: dict[str, FloatArray]) -> dict[str, Foot]:
         between = (hips["Left"] + hips["Right"]) / 2
         free = between + quaternions.rotate(about("z", np.radians(facing)), RAISED)
-        ankle = bridged(moments.times, planted.ankle, free, fade=0.30, **timing)
+        ankle = bridged(moments.times, planted.ankle, free, fade=0.28, **timing)
         return {"Left": left, "Right": replace(raised, ankle=ankle)}
 
     return balanced(center, upper, feet).clip("spin", FPS)
