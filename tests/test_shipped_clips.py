@@ -20,8 +20,8 @@ CYCLES = ("idle", "walk", "run")
 SIDES = ("Left", "Right")
 FLOOR = 0.003  # a point of the foot this near to the floor stands on it [m]
 
-# Largest angular speed [rad/s] and acceleration [rad/s2] of any joint against its parent; largest are the toes and the
-# knee at take-off, where skilled jumpers' knees reach about 15 rad/s.
+# Bounds on the angular speed [rad/s] and acceleration [rad/s2] of any joint against its parent. Nearest to them come the
+# kick's knee with 19 rad/s and the knees that take off with 860 rad/s2; a jump of a degree in one frame is 63 rad/s2.
 FASTEST, JERKIEST = 25.0, 1000.0
 
 
@@ -157,11 +157,12 @@ def test_the_walk_covers_the_measured_stride(clips: dict[str, motions.Clip]) -> 
     """Stride length follows from the measured angles and this body's legs; the subject's own was measured apart."""
     root = clips["walk"].root_positions[:, 0]
     stride = (root[gait.WALK.frames] - root[0]).item()
-    assert stride == pytest.approx(gait_data.WALK_STRIDE, abs=0.05)
+    assert stride == pytest.approx(gait_data.WALK_STRIDE, rel=0.02)
 
 
+# RMS deviation in degrees. Knee and ankle give way most: the soles are levelled, and no leg is quite straight.
 @pytest.mark.parametrize(
-    ("cycle", "hip", "knee", "ankle"), [(gait.WALK, 3.0, 5.0, 4.0), (gait.RUN, 1.0, 2.0, 6.0)], ids=["walk", "run"]
+    ("cycle", "hip", "knee", "ankle"), [(gait.WALK, 2.5, 4.5, 4.2), (gait.RUN, 0.8, 1.6, 5.5)], ids=["walk", "run"]
 )
 def test_gait_stays_near_the_measured_angles(cycle: gait.Gait, hip: float, knee: float, ankle: float) -> None:
     name = "walk" if cycle is gait.WALK else "run"
