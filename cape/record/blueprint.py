@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cape.record.stage import BACKGROUND
+from cape.record.textures import albedo, plain
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
+# Visualizers by the path of the entity that they draw; a dict of the invariant type that Rerun asks for.
+Overrides = dict[Any, Any]
+
 # In the frame of /world/character: X ahead, Y to the left, Z up, the pelvis at the origin [m].
-EYE = (-2.55, -1.75, 0.75)
-EYE_TARGET = (0.0, 0.0, -0.1)
-LINING_TINT = (120, 120, 120)
+EYE = (-2.05, -1.05, 0.45)
+EYE_TARGET = (0.0, 0.0, -0.08)
+LINING_COLOR = (58, 66, 104)
 
 
 def layout(layers: Collection[str]) -> rrb.Blueprint:
@@ -45,9 +49,9 @@ def _scene(layers: Collection[str]) -> rrb.View | rrb.Container:
     import rerun as rr
     import rerun.blueprint as rrb
 
-    labelled = {"/world/hitboxes": rr.Capsules3D.from_fields(show_labels=True).visualizer()}
+    labelled = {"/world/hitboxes": [rr.Capsules3D.from_fields(show_labels=True).visualizer()]}
     if "cape" not in layers:
-        return _view("hitboxes", overrides=labelled)
+        return _view("hitboxes" if "hitboxes" in layers else "scene", overrides=labelled)
     if "hitboxes" not in layers:
         return _view("cape", overrides=_two_sided())
     return rrb.Tabs(
@@ -57,18 +61,16 @@ def _scene(layers: Collection[str]) -> rrb.View | rrb.Container:
     )
 
 
-def _two_sided():
+def _two_sided() -> Overrides:
+    """Draw one mesh twice, its back with the lining: a second mesh for the lining would double the file."""
     import rerun as rr
 
-    return {
-        "/world/cape": [
-            rr.Mesh3D.from_fields(face_rendering="Front").visualizer(),
-            rr.Mesh3D.from_fields(face_rendering="Back", albedo_factor=LINING_TINT).visualizer(),
-        ]
-    }
+    outside = rr.Mesh3D.from_fields(face_rendering="Front")
+    lining = rr.Mesh3D.from_fields(face_rendering="Back", **albedo(plain(LINING_COLOR)))
+    return {"/world/cape": [outside.visualizer(), lining.visualizer()]}
 
 
-def _view(name: str, *, overrides, hidden=()) -> rrb.View:
+def _view(name: str, *, overrides: Overrides, hidden: Collection[str] = ()) -> rrb.View:
     import rerun.blueprint as rrb
 
     return rrb.Spatial3DView(

@@ -12,7 +12,7 @@ from cape.colliders import Box, Collider, Sphere
 from cape.normals import vertex_normals
 from cape.record.frames import Frames, send_once
 from cape.record.poses import bone_poses, from_z_axis, xyzw
-from cape.record.textures import woven
+from cape.record.textures import albedo, woven
 from motions import quaternions
 from motions.errors import UnknownNameError
 from skeleton.capsules import Capsule
@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 LAYERS = ("cape", "skeleton", "hitboxes", "floor", "plots")
-CLOTH_COLOR = (158, 16, 40)
-LINING_COLOR = (196, 142, 48)
+CLOTH_COLOR = (190, 22, 48)
 BONE_COLOR = (225, 230, 238)
 LEFT_COLOR, RIGHT_COLOR, MIDDLE_COLOR = (70, 170, 255), (255, 150, 60), (190, 200, 215)
 BONE_RADIUS = 0.012  # [m], thin enough to be seen as a line inside a forearm's capsule
@@ -48,17 +47,11 @@ def log_cape(stream: rr.RecordingStream, take: Take, frames: Frames) -> None:
     """Put the cloth on `/world/cape`: the texture of its outside on both sides; the blueprint draws the lining."""
     import rerun as rr
 
-    texture = woven(CLOTH_COLOR)
     send_once(
         stream,
         "/world/cape",
         rr.Mesh3D.from_fields(
-            triangle_indices=take.triangles,
-            vertex_texcoords=take.texcoords,
-            albedo_texture_buffer=texture.tobytes(),
-            albedo_texture_format=rr.components.ImageFormat(
-                width=texture.shape[1], height=texture.shape[0], color_model="RGB", channel_datatype="U8"
-            ),
+            triangle_indices=take.triangles, vertex_texcoords=take.texcoords, **albedo(woven(CLOTH_COLOR))
         ),
     )
     for block in frames.blocks(2 * take.positions[0].nbytes):

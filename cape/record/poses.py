@@ -7,14 +7,13 @@ from numpy.typing import NDArray
 
 from cape.record.frames import Frames
 from motions import quaternions
-from motions.errors import UnknownNameError
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
 
 
 def bone_poses(bones: BoneTrack, names: Sequence[str | None], frames: Frames) -> tuple[FloatArray, FloatArray]:
-    """World poses of n named bones, the world's own for the name None.
+    """World poses of n bones, given by name or role, the world's own for None.
 
     Returns:
         Positions [m], shape (F, n, 3), and unit quaternions bone_to_world, shape (F, n, 4).
@@ -25,14 +24,11 @@ def bone_poses(bones: BoneTrack, names: Sequence[str | None], frames: Frames) ->
     positions = np.zeros((len(frames.numbers), len(names), 3))
     rotations = np.zeros((len(frames.numbers), len(names), 4))
     rotations[..., 0] = 1.0
-    index = {name: number for number, name in enumerate(bones.names)}
     for place, name in enumerate(names):
-        if name is None:
-            continue
-        if name not in index:
-            raise UnknownNameError("bone", name, bones.names)
-        positions[:, place] = bones.positions[frames.numbers, index[name]]
-        rotations[:, place] = bones.rotations_wxyz[frames.numbers, index[name]]
+        if name is not None:
+            bone = bones.index(name)
+            positions[:, place] = bones.positions[frames.numbers, bone]
+            rotations[:, place] = bones.rotations_wxyz[frames.numbers, bone]
     return positions, rotations
 
 

@@ -1,11 +1,13 @@
 """Textures made by rule."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 Color = tuple[int, int, int]
 TEXELS = 512
-HEM_COLOR: Color = (214, 168, 84)
+HEM_COLOR: Color = (222, 178, 92)
 
 
 def woven(color: Color, *, hem: Color = HEM_COLOR) -> NDArray[np.uint8]:
@@ -16,11 +18,23 @@ def woven(color: Color, *, hem: Color = HEM_COLOR) -> NDArray[np.uint8]:
         hem: of the trim.
     """
     row, column = np.mgrid[:TEXELS, :TEXELS]
-    # Diagonal ribs of 8 texels, crossed by threads of 4: visible close by, averaged out from afar.
-    ribs = np.sin((row + column) * (2 * np.pi / 8))
-    threads = np.sin(column * (2 * np.pi / 4)) * np.sin(row * (2 * np.pi / 4))
-    brightness = 1.0 + 0.05 * ribs + 0.03 * threads
+    # The viewer has no mipmaps: finer ribs than 16 texels, or stronger ones, shimmer when the figure is far away.
+    brightness = 1.0 + 0.035 * np.sin((row + column) * (2 * np.pi / 16))
     to_edge = np.minimum.reduce([row, column, TEXELS - 1 - row, TEXELS - 1 - column]) / TEXELS
     trim = (to_edge < 0.022) | ((to_edge > 0.034) & (to_edge < 0.040))
-    base = np.where(trim[..., None], np.array(hem, float), np.array(color, float))
-    return np.clip(base * brightness[..., None], 0, 255).astype(np.uint8)
+    cloth = np.array(color) * brightness[..., None]
+    return np.where(trim[..., None], np.array(hem), cloth).clip(0, 255).astype(np.uint8)
+
+
+def plain(color: Color) -> NDArray[np.uint8]:
+    """A texture of one colour, sRGB, shape (2, 2, 3)."""
+    return np.full((2, 2, 3), color, np.uint8)
+
+
+def albedo(texture: NDArray[np.uint8]) -> dict[str, Any]:
+    """The components of a mesh that make an sRGB texture (height, width, 3) its colour."""
+    import rerun as rr
+
+    size = {"width": texture.shape[1], "height": texture.shape[0]}
+    image_format = rr.components.ImageFormat(**size, color_model="RGB", channel_datatype="U8")
+    return {"albedo_texture_buffer": texture.tobytes(), "albedo_texture_format": image_format}
