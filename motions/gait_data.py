@@ -11,8 +11,8 @@ RUN_COLUMNS = (*WALK_COLUMNS, "shoulder", "elbow")
 
 # Walking at 0.851 strides/s and 1.388 m a stride, foot off at 65.5 %: means of the normal data in the format of Oxford
 # Metrics' clinical software that are distributed with the program gaitutils (gaitutils/data/normal.gcd in
-# github.com/NCH-Motion-Laboratory/gaitutils, commit 4eea457), there a row each 2 %. The file doesn't say who walked; its standard
-# deviations, mostly below 2 degrees, are those of a person's trials rather than of many people.
+# github.com/NCH-Motion-Laboratory/gaitutils, commit 4eea457), there a row each 2 %. The file doesn't say who
+# walked; its standard deviations, mostly below 2 degrees, are those of a person's trials rather than of many people.
 WALK_STRIDES_PER_SECOND = 0.851
 WALK_STRIDE = 1.388
 WALK = np.array(

@@ -20,8 +20,8 @@ CYCLES = ("idle", "walk", "run")
 SIDES = ("Left", "Right")
 FLOOR = 0.003  # a point of the foot this near to the floor stands on it [m]
 
-# Bounds on the angular speed [rad/s] and acceleration [rad/s2] of any joint against its parent. Nearest to them come the
-# kick's knee with 19 rad/s and the knees that take off with 860 rad/s2; a jump of a degree in one frame is 63 rad/s2.
+# Bounds on the angular speed [rad/s] and acceleration [rad/s2] of any joint against its parent. Nearest to them come
+# the kick's knee with 19 rad/s and the knees that take off with 860 rad/s2; one frame 16 degrees off would be 1000.
 FASTEST, JERKIEST = 25.0, 1000.0
 
 

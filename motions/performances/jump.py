@@ -60,7 +60,7 @@ def jump() -> Clip:
 
 
 def _swinging(moments: Score) -> Arm:
-    """Both arms swing back in the crouch, up with the take-off and down with the landing."""
+    """The arm swings back in the crouch, up with the take-off and down with the landing."""
     return arm(
         flexion=moments(ready=2, back=-56, off=128, top=122, on=66, dip=6, rest=2),
         abduction=moments(ready=5, low=14, off=18, on=30, dip=22, rest=5),
