@@ -5,6 +5,9 @@ import pytest
 
 from cape.normals import vertex_normals
 
+# A division by zero is a warning to numpy.
+pytestmark = pytest.mark.filterwarnings("error")
+
 
 def grid_triangles(rows: int, columns: int) -> np.ndarray:
     corner = np.arange(rows * columns).reshape(rows, columns)
