@@ -119,7 +119,7 @@ def _contacts(scene: Scene, free: NDArray[np.bool_], order: tuple[list[int], lis
             ends=np.array([c.center if isinstance(c, Sphere) else c.end for c in round_ones], dtype=float),
             radius=np.array([c.radius for c in round_ones], dtype=float),
             friction=friction(round_ones),
-            placed=np.zeros((len(round_ones), 6)),
+            placed=np.zeros((len(round_ones), 8)),
             near=np.zeros((blocks, len(round_ones) + 1), dtype=np.int64),
         )
         if round_ones

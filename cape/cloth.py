@@ -27,6 +27,7 @@ class Cloth:
         frame: "world", or "wearer": origin between the wearer's shoulder joints, x forward, y left, z up.
         neckline: where the top row is worn [m], shape (columns, 3) in the wearer's frame; None where it stays as it starts.
         fabric: what it is made of.
+        layers: how many layers of the fabric each cell has, shape (rows - 1, columns - 1); None for one everywhere.
         regions: names for sets of vertices, such as "top_left".
     """
 
@@ -37,6 +38,7 @@ class Cloth:
     frame: Frame = "world"
     neckline: FloatArray | None = None
     fabric: Fabric = field(default_factory=Fabric)
+    layers: FloatArray | None = None
     regions: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
 
     @classmethod
@@ -80,9 +82,10 @@ class Cloth:
         cls,
         *,
         length: float = 1.1,
-        flare: float = 2.2,
-        spacing: float = 0.024,
+        flare: float = 1.8,
+        spacing: float = 0.02,
         shoulder_width: float = 0.36,
+        hem_layers: float = 4.0,
         fabric: Fabric | None = None,
     ) -> "Cloth":
         """Cut a cape: an annular sector whose inner edge lies around the back of the neck, from shoulder to shoulder.
@@ -92,6 +95,8 @@ class Cloth:
             flare: length of the hem divided by that of the neckline, more than 1.
             spacing: mean distance of neighbouring vertices [m].
             shoulder_width: distance of the wearer's shoulder joints [m], which the neckline's length follows.
+            hem_layers: layers of fabric in the sewn edge all around and, twice as wide, along the neckline: what holds
+                the weight of a cape that hangs from its corners.
             fabric: what it is made of.
 
         It starts spread out flat behind the wearer, in the wearer's frame, and is put on before the first frame.
@@ -129,6 +134,7 @@ class Cloth:
             frame="wearer",
             neckline=worn,
             fabric=fabric or Fabric(),
+            layers=_sewn_edges(rows, columns, hem_layers),
             regions=_grid_regions(rows, columns),
         )
 
@@ -162,7 +168,8 @@ class Cloth:
         faces = self.triangles
         a, b, c = (self.pattern[faces[:, k]] for k in range(3))
         doubled = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-        third = np.abs(doubled) * self.fabric.density / 6.0
+        layers = np.ones(1) if self.layers is None else np.tile(self.layers.ravel(), 2)
+        third = np.abs(doubled) * self.fabric.density * layers / 6.0
         return np.bincount(faces.ravel(), weights=np.repeat(third, 3), minlength=self.vertices)
 
     def region(self, vertices: str | Sequence[int] | NDArray[np.integer]) -> NDArray[np.int64]:
@@ -207,32 +214,37 @@ def _unit(direction: ArrayLike, name: str) -> FloatArray:
 
 
 def _grid_regions(rows: int, columns: int) -> dict[str, NDArray[np.int64]]:
-    """Name the edges, the corners and the thirds of the top row."""
+    """Name the edges and, of the top row, the first and the last eighth and what lies between."""
     index = np.arange(rows * columns).reshape(rows, columns)
-    third = max(1, columns // 3)
+    end = max(2, columns // 8)
     return {
         "top": index[0].copy(),
         "bottom": index[-1].copy(),
         "left": index[:, 0].copy(),
         "right": index[:, -1].copy(),
-        "top_left": index[0, :third].copy(),
-        "top_middle": index[0, third : columns - third].copy(),
-        "top_right": index[0, columns - third :].copy(),
-        "corner_left": index[0, :1].copy(),
-        "corner_right": index[0, -1:].copy(),
+        "top_left": index[0, :end].copy(),
+        "top_middle": index[0, end : columns - end].copy(),
+        "top_right": index[0, columns - end :].copy(),
     }
 
 
 def _neckline(shoulder_width: float) -> FloatArray:
     """Trace a fine curve from the front of the left shoulder behind the neck to the right one, shape (n, 3) [m].
 
-    An arc of 230 degrees of an ellipse, in the wearer's frame.
+    An arc of 120 degrees of an ellipse, in the wearer's frame.
     """
-    angle = np.radians(np.linspace(115.0, -115.0, 721))
+    angle = np.radians(np.linspace(60.0, -60.0, 721))
     half_width, depth = 0.36 * shoulder_width, 0.28 * shoulder_width
     return np.stack(
         [-depth * np.cos(angle), half_width * np.sin(angle), np.full_like(angle, 0.16 * shoulder_width)], axis=1
     )
+
+
+def _sewn_edges(rows: int, columns: int, layers: float) -> FloatArray:
+    cells = np.ones((rows - 1, columns - 1))
+    cells[:2] = cells[-1] = layers
+    cells[:, 0] = cells[:, -1] = layers
+    return cells
 
 
 def _length(curve: FloatArray) -> float:

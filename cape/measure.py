@@ -44,10 +44,12 @@ class Meter:
     def read(self, state: State, positions: FloatArray, rotations_wxyz: FloatArray) -> Reading:
         """Measure the state with the bones at positions [m] (B, 3) and rotations bone_to_world (B, 4)."""
         stretch = measure.strain(state.x, state.y, state.z, self._first, self._second, self._rest, self.histogram)
-        deepest, collider = self._deepest(state, positions, rotations_wxyz)
+        penetration, collider = deepest(
+            self.assembly, state[:3], self.assembly.contacts.free, (positions, rotations_wxyz)
+        )
         return Reading(
             stretch=float(stretch),
-            penetration=deepest,
+            penetration=penetration,
             collider=collider,
             kinetic_energy=float(measure.kinetic_energy(self.assembly.mass, state.vx, state.vy, state.vz)),
         )
@@ -59,20 +61,41 @@ class Meter:
             return 0.0
         return float((np.searchsorted(counts, share * counts[-1]) + 1) * measure.WIDEST / measure.BINS)
 
-    def _deepest(self, state: State, positions: FloatArray, rotations_wxyz: FloatArray) -> tuple[float, int]:
-        contacts = self.assembly.contacts
-        matrices = np.zeros((len(positions), 3, 3))
-        measure.place_bones(positions, rotations_wxyz, matrices)
-        deepest, collider = 0.0, -1
-        groups = (
-            (measure.depth_in_capsules, contacts.capsules),
-            (measure.depth_in_planes, contacts.planes),
-            (measure.depth_in_boxes, contacts.boxes),
-        )
-        for order, (depth_in, shapes) in zip(self.assembly.collider_order, groups, strict=True):
-            if shapes is None:
-                continue
-            depth, which = depth_in(state.x, state.y, state.z, contacts.free, shapes, positions, matrices)
-            if depth > deepest:
-                deepest, collider = float(depth), order[which]
-        return deepest, collider
+
+def deepest(
+    assembly: Assembly,
+    vertices: tuple[FloatArray, FloatArray, FloatArray],
+    counted: NDArray[np.bool_],
+    bones: tuple[FloatArray, FloatArray],
+    *,
+    margin: float = 0.0,
+) -> tuple[float, int]:
+    """Find the deepest penetration of points into the scene's colliders.
+
+    Args:
+        assembly: whose colliders.
+        vertices: x, y and z in the world [m], each of shape (N,).
+        counted: which of them count, shape (N,).
+        bones: positions in the world [m] (B, 3) and rotations bone_to_world wxyz (B, 4).
+        margin: by how much the colliders are grown [m].
+
+    Returns:
+        The depth [m], 0 where no point is inside, and the index of the collider, -1 for none.
+    """
+    positions, rotations_wxyz = bones
+    matrices = np.zeros((len(positions), 3, 3))
+    measure.place_bones(positions, rotations_wxyz, matrices)
+    contacts = assembly.contacts
+    groups = (
+        (measure.depth_in_capsules, contacts.capsules),
+        (measure.depth_in_planes, contacts.planes),
+        (measure.depth_in_boxes, contacts.boxes),
+    )
+    most, collider = 0.0, -1
+    for order, (depth_in, shapes) in zip(assembly.collider_order, groups, strict=True):
+        if shapes is None:
+            continue
+        depth, which = depth_in(*vertices, counted, shapes, margin, positions, matrices)
+        if depth > most:
+            most, collider = float(depth), order[which]
+    return most, collider

@@ -53,9 +53,8 @@ def simulate(
     started = time.perf_counter()
     simulation.compile(poses[0])
     compiled = time.perf_counter()
-    simulation.start(poses[0], settle=settle)
+    simulation.start(poses[0], settle=settle, velocity=_first_velocity(scene, track))
     settled = time.perf_counter()
-    simulation.add_velocity(_first_velocity(scene, track))
 
     meter = simulation.meter()
     positions = [simulation.positions.astype(np.float32)]

@@ -7,10 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape.assemble import Assembly, assemble
-from cape.kernels.frame import collide
-from cape.kernels.measure import place_bones
 from cape.kernels.records import Motion, State
-from cape.measure import Meter, Reading
+from cape.measure import Meter, Reading, deepest
 from cape.scene import Scene
 from cape.solvers import Solver, SymplecticEuler
 from cape.wear import WEARER_ROLES, wearer_to_world
@@ -25,6 +23,8 @@ SETTLING_TIME = 3.2  # s at most, from the start
 SETTLED_SPEED = 0.02  # m/s, root mean square over the vertices
 SETTLING_DAMPING = 0.9  # share of the velocity that is left after each frame of settling
 FASTEST = 1e4  # m/s; beyond it a step has exploded, long before numbers overflow
+HIGHEST_LIFT = 0.15  # m that a neckline is raised at most to clear the shoulders
+LIFT_STEP = 0.002  # m
 RETRIES = 4  # each at half the step
 
 
@@ -82,19 +82,20 @@ class Simulation:
         assert self.assembly is not None
         return np.stack([self._state.vx, self._state.vy, self._state.vz], axis=1).astype(float)
 
-    def add_velocity(self, velocity: ArrayLike) -> None:
-        """Add a velocity [m/s], shape (3,) or (V, 3), to all vertices."""
-        added = np.broadcast_to(np.asarray(velocity, dtype=float), (self.scene.cloth.vertices, 3))
-        for k, component in enumerate((self._state.vx, self._state.vy, self._state.vz)):
-            component += added[:, k]
-
-    def start(self, bones: "Mapping[str, tuple[ArrayLike, ArrayLike]] | Pose", *, settle: float | None = None) -> None:
+    def start(
+        self,
+        bones: "Mapping[str, tuple[ArrayLike, ArrayLike]] | Pose",
+        *,
+        settle: float | None = None,
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> None:
         """Put the cloth on bones that stand still, compile what the scene needs, and let the cloth settle.
 
         Args:
             bones: the first pose.
             settle: time to let the cloth come to rest [s], damped beyond its nature; None for as long as a cape takes
                 to be put on and settle, and for no time where the cloth starts in the world.
+            velocity: with which bones and cloth move on at the start [m/s]; the cloth settles in their own wind.
 
         Raises:
             UnknownNameError: a bone's pose is missing.
@@ -110,7 +111,7 @@ class Simulation:
         put_on = not np.array_equal(worn, spread)
         if settle is None:
             settle = SETTLING_TIME if put_on else 0.0
-        self._settle(settle, spread, worn)
+        self._settle(settle, spread, worn, np.asarray(velocity, dtype=float))
 
     def compile(self, bones: "Mapping[str, tuple[ArrayLike, ArrayLike]] | Pose") -> None:
         """Compile, or load from the cache, all that the scene needs; `start` does so too, this call only moves the time."""
@@ -224,7 +225,10 @@ class Simulation:
         def in_bones(points: FloatArray) -> FloatArray:
             return quaternions.rotate(quaternions.conjugate(turn), points[attached.vertices] - origin)
 
-        worn, spread = in_bones(self._outside(self._worn(positions))), in_bones(positions)
+        worn = self._worn(positions)
+        if self.scene.cloth.neckline is not None:
+            worn[: self.scene.cloth.columns] += self._lift(worn)
+        worn, spread = in_bones(worn), in_bones(positions)
         first = 0
         for attachment, vertices in zip(self.scene.attachments, held, strict=True):
             if attachment.points is not None:
@@ -234,22 +238,23 @@ class Simulation:
             spread = worn
         return worn, spread
 
-    def _outside(self, positions: FloatArray) -> FloatArray:
-        """The same positions, moved out of the colliders where they are inside [m], shape (V, 3)."""
-        assembly = self.assembly
-        if not self.scene.colliders or self.scene.cloth.neckline is None:
-            return positions
-        state = _at_rest(positions, np.float64)
-        contacts = assembly.contacts._replace(free=np.ones(len(positions), dtype=bool))
-        assembly.room.positions[:] = self._pose.positions
-        place_bones(self._pose.positions, self._pose.rotations_wxyz, assembly.room.matrices)
-        assembly.room.velocity[:], assembly.room.spin[:] = 0.0, 0.0
-        collide(state, *contacts, assembly.room, 0, SETTLING_FRAME)
-        return np.stack([state.x, state.y, state.z], axis=1)
+    def _lift(self, worn: FloatArray) -> FloatArray:
+        """The least way up the wearer's trunk that takes the neckline clear of all colliders [m], shape (3,)."""
+        columns = self.scene.cloth.columns
+        counted = np.ones(columns, dtype=bool)
+        up = self._wearer()[0][:, 2]
+        for height in np.arange(0.0, HIGHEST_LIFT, LIFT_STEP):
+            points = worn[:columns] + height * up
+            inside, _ = deepest(self.assembly, tuple(points.T), counted, self._pose, margin=self.scene.thickness)
+            if inside == 0.0:
+                return height * up
+        return np.zeros(3)
 
-    def _settle(self, duration: float, spread: FloatArray, worn: FloatArray) -> None:
+    def _settle(self, duration: float, spread: FloatArray, worn: FloatArray, velocity: FloatArray) -> None:
         """Bring the cloth to rest on bones that stand still, moving what they hold from `spread` to `worn`."""
-        attached, pose = self.assembly.attached, self._pose
+        attached, air, pose = self.assembly.attached, self.assembly.air, self._pose
+        if air is not None:
+            air.wind[:] -= velocity
         motion = Motion(*pose, *pose)
         substeps = self.solver.choose_substeps(self._room, SETTLING_FRAME)
         for frame in range(1, round(duration / SETTLING_FRAME) + 1):
@@ -266,6 +271,10 @@ class Simulation:
                 break
         if attached is not None:
             attached.points[:] = worn
+        if air is not None:
+            air.wind[:] += velocity
+        for component, added in zip(self._state[3:], velocity, strict=True):
+            component += added
 
     def _sound(self) -> bool:
         """Tell whether all numbers are finite and no vertex is faster than anything real."""

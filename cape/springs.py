@@ -64,25 +64,26 @@ def springs_of(cloth: Cloth) -> Springs:
     grid = cloth.pattern.reshape(rows, columns, 2)
     across = np.linalg.norm(np.diff(grid, axis=1), axis=2)
     along = np.linalg.norm(np.diff(grid, axis=0), axis=2)
+    layers = np.ones_like(across[1:]) if cloth.layers is None else cloth.layers
     a = (across[:-1] + across[1:]) / 2.0
     b = (along[:, :-1] + along[:, 1:]) / 2.0
 
     right, down = np.zeros((rows, columns)), np.zeros((rows, columns))
-    half = 0.5 * (b / a) * np.maximum(fabric.stretch - fabric.shear * (a / b) ** 2, LEAST_SHARE * fabric.stretch)
+    half = 0.5 * layers * (b / a) * np.maximum(fabric.stretch - fabric.shear * (a / b) ** 2, LEAST_SHARE * fabric.stretch)
     right[:-1, :-1] += half
     right[1:, :-1] += half
-    half = 0.5 * (a / b) * np.maximum(fabric.stretch - fabric.shear * (b / a) ** 2, LEAST_SHARE * fabric.stretch)
+    half = 0.5 * layers * (a / b) * np.maximum(fabric.stretch - fabric.shear * (b / a) ** 2, LEAST_SHARE * fabric.stretch)
     down[:-1, :-1] += half
     down[:-1, 1:] += half
     diagonal, anti = np.zeros((rows, columns)), np.zeros((rows, columns))
-    diagonal[:-1, :-1] = anti[:-1, 1:] = fabric.shear * (a**2 + b**2) / (2.0 * a * b)
+    diagonal[:-1, :-1] = anti[:-1, 1:] = layers * fabric.shear * (a**2 + b**2) / (2.0 * a * b)
 
-    # Each thread carries a strip as wide as half of its cells on both sides.
+    # Each thread carries a strip as wide as half of its cells on both sides, in all of their layers.
     height, width = np.zeros((rows, columns - 1)), np.zeros((rows - 1, columns))
-    height[:-1] += b / 2.0
-    height[1:] += b / 2.0
-    width[:, :-1] += a / 2.0
-    width[:, 1:] += a / 2.0
+    height[:-1] += layers * b / 2.0
+    height[1:] += layers * b / 2.0
+    width[:, :-1] += layers * a / 2.0
+    width[:, 1:] += layers * a / 2.0
     bend_right, bend_down = np.zeros((rows, columns)), np.zeros((rows, columns))
     bend_right[:, :-2] = fabric.bend * _middle(height, 1) / _middle(across, 1) ** 3
     bend_down[:-2] = fabric.bend * _middle(width, 0) / _middle(along, 0) ** 3

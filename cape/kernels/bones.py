@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from cape.kernels.jit import driver
+from cape.kernels.jit import driver, inlined
 
 
 @driver
@@ -55,7 +55,7 @@ def move_bones(position0, velocity, turns, time, positions, matrices):
                 matrices[b, r, k] = turns[b, r, 0] * m0 + turns[b, r, 1] * m1 + turns[b, r, 2] * m2
 
 
-@driver
+@inlined
 def to_world(bone, px, py, pz, positions, matrices):
     """A point of a bone's frame, in the world [m]."""
     m = matrices[bone]

@@ -6,7 +6,7 @@ from cape.kernels.grid import add_air_forces, air_forces
 from cape.kernels.jit import driver
 
 NEAR_EVERY = 8  # substeps between two searches for near capsules
-SLACK = 0.02  # m that a vertex may move in that time beyond what its speed at the search tells
+SLACK = 0.005  # m that a vertex may move in that time beyond what its speed at the search tells
 
 
 @driver

@@ -40,8 +40,8 @@ def place_bones(positions, rotations, matrices):
 
 
 @driver
-def depth_in_capsules(x, y, z, counted, capsules, positions, matrices):
-    """Deepest penetration of the counted vertices [m] and the capsule, -1 for none."""
+def depth_in_capsules(x, y, z, counted, capsules, margin, positions, matrices):
+    """Deepest penetration of the counted vertices into shapes grown by a margin [m], and the capsule, -1 for none."""
     deepest, which = 0.0, -1
     for c in range(capsules.bones.size):
         b = capsules.bones[c]
@@ -52,14 +52,14 @@ def depth_in_capsules(x, y, z, counted, capsules, positions, matrices):
         for i in range(x.size):
             if counted[i]:
                 distance, _, _, _ = to_capsule(x[i], y[i], z[i], ax, ay, az, ex, ey, ez, capsules.radius[c])
-                if -distance > deepest:
-                    deepest, which = -distance, c
+                if margin - distance > deepest:
+                    deepest, which = margin - distance, c
     return deepest, which
 
 
 @driver
-def depth_in_planes(x, y, z, counted, planes, positions, matrices):
-    """Deepest penetration of the counted vertices [m] and the plane, -1 for none."""
+def depth_in_planes(x, y, z, counted, planes, margin, positions, matrices):
+    """Deepest penetration of the counted vertices into shapes grown by a margin [m], and the plane, -1 for none."""
     deepest, which = 0.0, -1
     for p in range(planes.bones.size):
         b = planes.bones[p]
@@ -71,14 +71,14 @@ def depth_in_planes(x, y, z, counted, planes, positions, matrices):
         for i in range(x.size):
             if counted[i]:
                 distance, _, _, _ = to_plane(x[i], y[i], z[i], ox, oy, oz, nx, ny, nz)
-                if -distance > deepest:
-                    deepest, which = -distance, p
+                if margin - distance > deepest:
+                    deepest, which = margin - distance, p
     return deepest, which
 
 
 @driver
-def depth_in_boxes(x, y, z, counted, boxes, positions, matrices):
-    """Deepest penetration of the counted vertices [m] and the box, -1 for none."""
+def depth_in_boxes(x, y, z, counted, boxes, margin, positions, matrices):
+    """Deepest penetration of the counted vertices into shapes grown by a margin [m], and the box, -1 for none."""
     deepest, which = 0.0, -1
     for k in range(boxes.bones.size):
         b = boxes.bones[k]
@@ -99,6 +99,6 @@ def depth_in_boxes(x, y, z, counted, boxes, positions, matrices):
                 boxes.halves[k, 1],
                 boxes.halves[k, 2],
             )
-            if -distance > deepest:
-                deepest, which = -distance, k
+            if margin - distance > deepest:
+                deepest, which = margin - distance, k
     return deepest, which

@@ -97,8 +97,8 @@ class Air(NamedTuple):
 
 
 class Capsules(NamedTuple):
-    """Capsules by bone (C,), ends in the bone's frame [m] (C, 3), radius [m] and friction (C,); room for the ends in the
-    world (C, 6) and for the capsules near each block of vertices (blocks, C + 1)."""
+    """Capsules by bone (C,), ends in the bone's frame [m] (C, 3), radius [m] and friction (C,); room for where
+    they are in the world (C, 8) and for the capsules near each block of vertices (blocks, C + 1)."""
 
     bones: Indices
     starts: Array
