@@ -12,6 +12,11 @@ from cape.fabric import Fabric
 from motions.errors import UnknownNameError, ValueRangeError
 
 FloatArray = NDArray[np.float64]
+# Cells are a little wider than high on average, so that they are not much narrower at the neckline, where the
+# narrowest ones set the largest stable step.
+WIDER_CELLS = 1.12
+SLACK = 1.08  # length of the neckline over that of the way it is worn: room for the shoulders to move
+
 Frame = Literal["world", "wearer"]
 
 
@@ -85,7 +90,7 @@ class Cloth:
         flare: float = 1.8,
         spacing: float = 0.02,
         shoulder_width: float = 0.36,
-        hem_layers: float = 4.0,
+        hem_layers: float = 3.0,
         fabric: Fabric | None = None,
     ) -> "Cloth":
         """Cut a cape: an annular sector whose inner edge lies around the back of the neck, from shoulder to shoulder.
@@ -95,8 +100,8 @@ class Cloth:
             flare: length of the hem divided by that of the neckline, more than 1.
             spacing: mean distance of neighbouring vertices [m].
             shoulder_width: distance of the wearer's shoulder joints [m], which the neckline's length follows.
-            hem_layers: layers of fabric in the sewn edge all around and, twice as wide, along the neckline: what holds
-                the weight of a cape that hangs from its corners.
+            hem_layers: layers of fabric in the sewn edge, one cell wide; the collar, two cells wide, has twice as many: it
+                holds the weight of a cape that hangs from its corners.
             fabric: what it is made of.
 
         It starts spread out flat behind the wearer, in the wearer's frame, and is put on before the first frame.
@@ -108,9 +113,9 @@ class Cloth:
         if not 1.0 < flare < 20.0:
             raise ValueRangeError(f"the flare of a cape must be above 1 and below 20, not {flare}")
         neckline = _neckline(shoulder_width)
-        inner = _length(neckline)
-        rows = _cells(length, spacing) + 1
-        columns = _cells(inner * (1.0 + flare) / 2.0, spacing) + 1
+        inner = SLACK * _length(neckline)
+        rows = _cells(length, spacing / WIDER_CELLS) + 1
+        columns = _cells(inner * (1.0 + flare) / 2.0, spacing * WIDER_CELLS) + 1
         if rows < 4 or columns < 8:
             raise ValueRangeError(f"a spacing of {spacing} m is too wide for a cape {length} m long")
         angle = inner * (flare - 1.0) / length
@@ -119,7 +124,6 @@ class Cloth:
             np.linspace(-angle / 2.0, angle / 2.0, columns), np.linspace(radius, radius + length, rows)
         )
         pattern = np.stack([(rho * np.sin(theta)).ravel(), (rho * np.cos(theta) - radius).ravel()], axis=1)
-        worn = _along(neckline, np.linspace(0.0, inner, columns))
         # Spread out behind the back and falling away from it: no limb is likely to be there.
         tilt = math.radians(25.0)
         back, up = -0.28, 0.12
@@ -132,7 +136,7 @@ class Cloth:
             pattern=pattern,
             positions=positions,
             frame="wearer",
-            neckline=worn,
+            neckline=_worn(neckline, columns),
             fabric=fabric or Fabric(),
             layers=_sewn_edges(rows, columns, hem_layers),
             regions=_grid_regions(rows, columns),
@@ -216,7 +220,7 @@ def _unit(direction: ArrayLike, name: str) -> FloatArray:
 def _grid_regions(rows: int, columns: int) -> dict[str, NDArray[np.int64]]:
     """Name the edges and, of the top row, the first and the last eighth and what lies between."""
     index = np.arange(rows * columns).reshape(rows, columns)
-    end = max(2, columns // 8)
+    end = _held_end(columns)
     return {
         "top": index[0].copy(),
         "bottom": index[-1].copy(),
@@ -234,7 +238,7 @@ def _neckline(shoulder_width: float) -> FloatArray:
     An arc of 120 degrees of an ellipse, in the wearer's frame.
     """
     angle = np.radians(np.linspace(60.0, -60.0, 721))
-    half_width, depth = 0.36 * shoulder_width, 0.28 * shoulder_width
+    half_width, depth = 0.42 * shoulder_width, 0.28 * shoulder_width
     return np.stack(
         [-depth * np.cos(angle), half_width * np.sin(angle), np.full_like(angle, 0.16 * shoulder_width)], axis=1
     )
@@ -242,9 +246,26 @@ def _neckline(shoulder_width: float) -> FloatArray:
 
 def _sewn_edges(rows: int, columns: int, layers: float) -> FloatArray:
     cells = np.ones((rows - 1, columns - 1))
-    cells[:2] = cells[-1] = layers
-    cells[:, 0] = cells[:, -1] = layers
+    cells[-1] = cells[:, 0] = cells[:, -1] = layers
+    cells[:2] = 2.0 * layers
     return cells
+
+
+def _worn(curve: FloatArray, columns: int) -> FloatArray:
+    """Where the top row is worn: both ends of the curve at the pattern's own spacing, the slack all in the middle."""
+    pattern, curve_length = np.linspace(0.0, SLACK * _length(curve), columns), _length(curve)
+    excess, end = pattern[-1] - curve_length, _held_end(columns)
+    distances = pattern.copy()
+    distances[columns - end :] -= excess
+    distances[end : columns - end] = np.interp(
+        pattern[end : columns - end], pattern[[end - 1, columns - end]], distances[[end - 1, columns - end]]
+    )
+    return _along(curve, distances)
+
+
+def _held_end(columns: int) -> int:
+    """Number of vertices at either end of the top row that a shoulder holds."""
+    return max(2, columns // 8)
 
 
 def _length(curve: FloatArray) -> float:

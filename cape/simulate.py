@@ -4,13 +4,17 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cape.scene import Scene
 from cape.simulation import Diverged, Pose, Simulation
 from cape.solvers import Solver
 from cape.take import Take
+from motions import quaternions
 from motions.errors import ValueRangeError
 from skeleton.track import BoneTrack
+
+FloatArray = NDArray[np.float64]
 
 
 def simulate(
@@ -53,7 +57,8 @@ def simulate(
     started = time.perf_counter()
     simulation.compile(poses[0])
     compiled = time.perf_counter()
-    simulation.start(poses[0], settle=settle, velocity=_first_velocity(scene, track))
+    velocity, spin = _first_motion(scene, track)
+    simulation.start(poses[0], settle=settle, velocity=velocity, spin=spin)
     settled = time.perf_counter()
 
     meter = simulation.meter()
@@ -99,12 +104,16 @@ def simulate(
     )
 
 
-def _first_velocity(scene: Scene, track: BoneTrack) -> np.ndarray:
-    """Mean velocity at the start of the bones that hold the cloth [m/s], so that it does not start with a jerk."""
+def _first_motion(scene: Scene, track: BoneTrack) -> tuple[FloatArray, FloatArray]:
+    """Mean velocity [m/s] and spin [rad/s] at the start of the bones that hold the cloth, each of shape (3,)."""
     held = [track.index(a.bone) for a in scene.attachments]
     if not held:
-        return np.zeros(3)
-    return (track.positions[1, held] - track.positions[0, held]).mean(axis=0) / (track.times[1] - track.times[0])
+        return np.zeros(3), np.zeros(3)
+    step = track.times[1] - track.times[0]
+    velocity = (track.positions[1, held] - track.positions[0, held]).mean(axis=0) / step
+    before, after = track.rotations_wxyz[0, held], track.rotations_wxyz[1, held]
+    turns = quaternions.to_rotation_vector(quaternions.multiply(after, quaternions.conjugate(before)))
+    return velocity, turns.mean(axis=0) / step
 
 
 def _first_frames(track: BoneTrack, frames: int) -> BoneTrack:

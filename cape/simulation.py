@@ -25,6 +25,7 @@ SETTLING_DAMPING = 0.9  # share of the velocity that is left after each frame of
 FASTEST = 1e4  # m/s; beyond it a step has exploded, long before numbers overflow
 HIGHEST_LIFT = 0.15  # m that a neckline is raised at most to clear the shoulders
 LIFT_STEP = 0.002  # m
+FARTHEST = 1.0  # m from the cloth's middle to the origin that its positions refer to
 RETRIES = 4  # each at half the step
 
 
@@ -74,7 +75,7 @@ class Simulation:
     def positions(self) -> FloatArray:
         """Positions of the vertices in the world [m], shape (V, 3)."""
         assert self.assembly is not None
-        return np.stack([self._state.x, self._state.y, self._state.z], axis=1).astype(float)
+        return np.stack([self._state.x, self._state.y, self._state.z], axis=1).astype(float) + self._origin
 
     @property
     def velocities(self) -> FloatArray:
@@ -88,6 +89,7 @@ class Simulation:
         *,
         settle: float | None = None,
         velocity: ArrayLike = (0.0, 0.0, 0.0),
+        spin: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
         """Put the cloth on bones that stand still, compile what the scene needs, and let the cloth settle.
 
@@ -95,14 +97,19 @@ class Simulation:
             bones: the first pose.
             settle: time to let the cloth come to rest [s], damped beyond its nature; None for as long as a cape takes
                 to be put on and settle, and for no time where the cloth starts in the world.
-            velocity: with which bones and cloth move on at the start [m/s]; the cloth settles in their own wind.
+            velocity: with which the bones that hold the cloth move on [m/s]; the cloth settles in their own wind.
+            spin: with which they turn [rad/s]; the cloth sets out as if rigid.
 
         Raises:
             UnknownNameError: a bone's pose is missing.
             ValueRangeError: the pose is not finite, or the cape can't be put on.
         """
+        self._origin = np.zeros(3)
         self._pose = self._read(bones)
         positions = self._placed_cloth()
+        self._origin = np.round(positions.mean(axis=0))
+        self._pose = _moved(self._pose, -self._origin)
+        positions = positions - self._origin
         held = [self._held(a, positions) for a in self.scene.attachments]
         self._assembly = assemble(self.scene, held, self.solver.dtype)
         self._room = self.solver.init(self._assembly)
@@ -112,6 +119,7 @@ class Simulation:
         if settle is None:
             settle = SETTLING_TIME if put_on else 0.0
         self._settle(settle, spread, worn, np.asarray(velocity, dtype=float))
+        self._set_out(np.asarray(velocity, dtype=float), np.asarray(spin, dtype=float))
 
     def compile(self, bones: "Mapping[str, tuple[ArrayLike, ArrayLike]] | Pose") -> None:
         """Compile, or load from the cache, all that the scene needs; `start` does so too, this call only moves the time."""
@@ -133,6 +141,7 @@ class Simulation:
             raise ValueRangeError(f"the time step must be positive and finite, not {dt}")
         if self._assembly is None:
             self.start(bones)
+        self._recenter()
         pose = self._read(bones)
         motion = Motion(self._pose.positions, self._pose.rotations_wxyz, pose.positions, pose.rotations_wxyz)
         before = [component.copy() for component in self._state]
@@ -174,7 +183,7 @@ class Simulation:
         if not (np.isfinite(positions).all() and np.isfinite(rotations).all()):
             raise ValueRangeError("the pose of the bones is not finite")
         return Pose(
-            np.concatenate([positions, np.zeros((1, 3))]),
+            np.concatenate([positions, np.zeros((1, 3))]) - self._origin,
             np.concatenate([quaternions.normalize(rotations), [[1.0, 0.0, 0.0, 0.0]]]),
         )
 
@@ -273,14 +282,38 @@ class Simulation:
             attached.points[:] = worn
         if air is not None:
             air.wind[:] += velocity
-        for component, added in zip(self._state[3:], velocity, strict=True):
+
+    def _set_out(self, velocity: FloatArray, spin: FloatArray) -> None:
+        """Give the cloth the velocity of what holds it, as if it were rigid."""
+        attached = self.assembly.attached
+        if attached is None:
+            return
+        center = self._origin + self._pose.positions[attached.bones].mean(axis=0)
+        for component, added in zip(
+            self._state[3:], (velocity + np.cross(spin, self.positions - center)).T, strict=True
+        ):
             component += added
+
+    def _recenter(self) -> None:
+        """Keep the cloth near the origin that its positions refer to: far from it single precision is coarse."""
+        center = np.array([float(c.mean(dtype=float)) for c in self._state[:3]])
+        if np.abs(center).max() < FARTHEST:
+            return
+        shift = np.round(center)
+        for component, moved in zip(self._state[:3], shift, strict=True):
+            component -= component.dtype.type(moved)
+        self._origin = self._origin + shift
+        self._pose = _moved(self._pose, -shift)
 
     def _sound(self) -> bool:
         """Tell whether all numbers are finite and no vertex is faster than anything real."""
         return all(np.isfinite(c).all() for c in self._state) and all(
             float(np.abs(c).max()) < FASTEST for c in self._state[3:]
         )
+
+
+def _moved(pose: Pose, shift: FloatArray) -> Pose:
+    return Pose(pose.positions + shift, pose.rotations_wxyz)
 
 
 def _at_rest(positions: FloatArray, dtype: type[np.floating]) -> State:

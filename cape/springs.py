@@ -69,10 +69,14 @@ def springs_of(cloth: Cloth) -> Springs:
     b = (along[:, :-1] + along[:, 1:]) / 2.0
 
     right, down = np.zeros((rows, columns)), np.zeros((rows, columns))
-    half = 0.5 * layers * (b / a) * np.maximum(fabric.stretch - fabric.shear * (a / b) ** 2, LEAST_SHARE * fabric.stretch)
+    half = (
+        0.5 * layers * (b / a) * np.maximum(fabric.stretch - fabric.shear * (a / b) ** 2, LEAST_SHARE * fabric.stretch)
+    )
     right[:-1, :-1] += half
     right[1:, :-1] += half
-    half = 0.5 * layers * (a / b) * np.maximum(fabric.stretch - fabric.shear * (b / a) ** 2, LEAST_SHARE * fabric.stretch)
+    half = (
+        0.5 * layers * (a / b) * np.maximum(fabric.stretch - fabric.shear * (b / a) ** 2, LEAST_SHARE * fabric.stretch)
+    )
     down[:-1, :-1] += half
     down[:-1, 1:] += half
     diagonal, anti = np.zeros((rows, columns)), np.zeros((rows, columns))

@@ -49,6 +49,14 @@ def from_rotation_vector(vectors: ArrayLike) -> FloatArray:
     return np.concatenate([np.cos(half), vectors * np.sinc(half / np.pi) / 2], axis=-1)
 
 
+def to_rotation_vector(q: FloatArray) -> FloatArray:
+    """Axis times angle [rad], the angle at most pi; (..., 4) to (..., 3). The inverse of `from_rotation_vector`."""
+    q = np.where(q[..., :1] < 0.0, -q, q)
+    length = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(length, q[..., :1])
+    return np.where(length > 1e-12, angle / np.maximum(length, 1e-300), 2.0) * q[..., 1:]
+
+
 def from_euler(angles: ArrayLike, axes: str) -> FloatArray:
     """Rotations from angles about moving axes.
 

@@ -22,7 +22,7 @@ class Solver(ABC):
 
     name: ClassVar[str]
     substeps: int | None = None
-    precision: Literal["single", "double"] = "double"
+    precision: Literal["single", "double"] = "single"
 
     def __post_init__(self) -> None:
         """Check the settings.
