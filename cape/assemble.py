@@ -1,11 +1,13 @@
 """From a scene to the arrays that kernels work on."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from types import UnionType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.colliders import Box, Plane, Sphere
+from cape.colliders import Box, Collider, Plane, Sphere
 from cape.kernels.bones import blank_motion
 from cape.kernels.contact import BLOCK
 from cape.kernels.records import Air, Attached, Boxes, Capsules, Contacts, MotionRoom, Planes
@@ -53,7 +55,6 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], dtype: type[np.flo
     free = np.ones(cloth.vertices, dtype=bool)
     for indices in vertices:
         free[indices] = False
-    order = _collider_order(scene)
     return Assembly(
         scene=scene,
         springs=springs_of(cloth),
@@ -62,10 +63,14 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], dtype: type[np.flo
         free=free,
         attached=_attached(scene, vertices),
         air=_air(scene, dtype),
-        contacts=_contacts(scene, free, order),
-        collider_order=order,
+        contacts=_contacts(scene, free),
+        collider_order=(_places(scene, Capsule | Sphere), _places(scene, Plane), _places(scene, Box)),
         room=MotionRoom(*blank_motion(len(scene.bones) + 1)),
     )
+
+
+def _places(scene: Scene, kind: type | UnionType) -> list[int]:
+    return [i for i, collider in enumerate(scene.colliders) if isinstance(collider, kind)]
 
 
 def _attached(scene: Scene, vertices: list[NDArray[np.int64]]) -> Attached | None:
@@ -92,54 +97,51 @@ def _air(scene: Scene, dtype: type[np.floating]) -> Air | None:
     )
 
 
-def _collider_order(scene: Scene) -> tuple[list[int], list[int], list[int]]:
-    kinds = ((Capsule, Sphere), (Plane,), (Box,))
-    groups = [[i for i, c in enumerate(scene.colliders) if isinstance(c, kind)] for kind in kinds]
-    return groups[0], groups[1], groups[2]
-
-
-def _contacts(scene: Scene, free: NDArray[np.bool_], order: tuple[list[int], list[int], list[int]]) -> Contacts:
-    round_ones, planes, boxes = ([scene.colliders[i] for i in group] for group in order)
+def _contacts(scene: Scene, free: NDArray[np.bool_]) -> Contacts:
     blocks = -(-len(free) // BLOCK)
-
-    def bones(colliders) -> NDArray[np.int64]:
-        world = len(scene.bones)
-        return np.array([world if c.bone is None else scene.bones.index(c.bone) for c in colliders])
-
-    def friction(colliders) -> FloatArray:
-        return np.array([scene.friction if c.friction is None else c.friction for c in colliders])
-
+    # A sphere is a capsule without length.
+    capsules = [c for c in scene.colliders if isinstance(c, Capsule | Sphere)]
+    planes = [c for c in scene.colliders if isinstance(c, Plane)]
+    boxes = [c for c in scene.colliders if isinstance(c, Box)]
     return Contacts(
         free=free,
         thickness=scene.thickness,
         capsules=Capsules(
-            bones=bones(round_ones),
-            # A sphere is a capsule without length.
-            starts=np.array([c.center if isinstance(c, Sphere) else c.start for c in round_ones], dtype=float),
-            ends=np.array([c.center if isinstance(c, Sphere) else c.end for c in round_ones], dtype=float),
-            radius=np.array([c.radius for c in round_ones], dtype=float),
-            friction=friction(round_ones),
-            placed=np.zeros((len(round_ones), 8)),
-            near=np.zeros((blocks, len(round_ones) + 1), dtype=np.int64),
+            bones=_bones(scene, capsules),
+            starts=np.array([c.center if isinstance(c, Sphere) else c.start for c in capsules], dtype=float),
+            ends=np.array([c.center if isinstance(c, Sphere) else c.end for c in capsules], dtype=float),
+            radius=np.array([c.radius for c in capsules], dtype=float),
+            friction=_friction(scene, capsules),
+            placed=np.zeros((len(capsules), 8)),
+            near=np.zeros((blocks, len(capsules) + 1), dtype=np.int64),
         )
-        if round_ones
+        if capsules
         else None,
         planes=Planes(
-            bones=bones(planes),
+            bones=_bones(scene, planes),
             points=np.array([c.point for c in planes], dtype=float),
-            normals=np.array([c.normal / np.linalg.norm(c.normal) for c in planes]),
-            friction=friction(planes),
+            normals=np.array([c.normal / np.linalg.norm(c.normal) for c in planes], dtype=float),
+            friction=_friction(scene, planes),
         )
         if planes
         else None,
         boxes=Boxes(
-            bones=bones(boxes),
+            bones=_bones(scene, boxes),
             centers=np.array([c.center for c in boxes], dtype=float),
             halves=np.array([c.half_sizes for c in boxes], dtype=float),
-            frames=np.array([quaternions.to_matrix(c.rotation_wxyz) for c in boxes]),
-            friction=friction(boxes),
+            frames=np.array([quaternions.to_matrix(c.rotation_wxyz) for c in boxes], dtype=float),
+            friction=_friction(scene, boxes),
             room=np.zeros((3, 3)),
         )
         if boxes
         else None,
     )
+
+
+def _bones(scene: Scene, colliders: Sequence[Collider]) -> NDArray[np.int64]:
+    """Numbers of the bones that carry the colliders; the world comes after the last bone."""
+    return np.array([len(scene.bones) if c.bone is None else scene.bones.index(c.bone) for c in colliders])
+
+
+def _friction(scene: Scene, colliders: Sequence[Collider]) -> FloatArray:
+    return np.array([scene.friction if c.friction is None else c.friction for c in colliders])

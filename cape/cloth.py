@@ -30,7 +30,7 @@ class Cloth:
         pattern: the flat pattern, u along the rows and v down [m], shape (V, 2).
         positions: where the vertices start [m], shape (V, 3), in `frame`.
         frame: "world", or "wearer": origin between the wearer's shoulder joints, x forward, y left, z up.
-        neckline: where the top row is worn [m], shape (columns, 3) in the wearer's frame; None where it stays as it starts.
+        neckline: where the top row is worn, in the wearer's frame [m], shape (columns, 3); None: where it starts.
         fabric: what it is made of.
         layers: how many layers of the fabric each cell has, shape (rows - 1, columns - 1); None for one everywhere.
         regions: names for sets of vertices, such as "top_left".
@@ -100,8 +100,8 @@ class Cloth:
             flare: length of the hem divided by that of the neckline, more than 1.
             spacing: mean distance of neighbouring vertices [m].
             shoulder_width: distance of the wearer's shoulder joints [m], which the neckline's length follows.
-            hem_layers: layers of fabric in the sewn edge, one cell wide; the collar, two cells wide, has twice as many: it
-                holds the weight of a cape that hangs from its corners.
+            hem_layers: layers of fabric in the sewn edge, one cell wide; the collar, two cells wide, has twice as many:
+                it holds the weight of a cape that hangs from its corners.
             fabric: what it is made of.
 
         It starts spread out flat behind the wearer, in the wearer's frame, and is put on before the first frame.
@@ -174,7 +174,8 @@ class Cloth:
         doubled = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
         layers = np.ones(1) if self.layers is None else np.tile(self.layers.ravel(), 2)
         third = np.abs(doubled) * self.fabric.density * layers / 6.0
-        return np.bincount(faces.ravel(), weights=np.repeat(third, 3), minlength=self.vertices)
+        shares = np.bincount(faces.ravel(), weights=np.repeat(third, 3), minlength=self.vertices)
+        return shares.astype(float)
 
     def region(self, vertices: str | Sequence[int] | NDArray[np.integer]) -> NDArray[np.int64]:
         """Resolve a region's name or check indices, which come back as given.

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cape.assemble import Assembly
 from cape.kernels import measure
-from cape.kernels.records import State
+from cape.kernels.records import Array, State
 from cape.springs import THREADS
 
 FloatArray = NDArray[np.float64]
@@ -64,7 +64,7 @@ class Meter:
 
 def deepest(
     assembly: Assembly,
-    vertices: tuple[FloatArray, FloatArray, FloatArray],
+    vertices: tuple[Array, Array, Array],
     counted: NDArray[np.bool_],
     bones: tuple[FloatArray, FloatArray],
     *,

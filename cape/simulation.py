@@ -122,7 +122,7 @@ class Simulation:
         self._set_out(np.asarray(velocity, dtype=float), np.asarray(spin, dtype=float))
 
     def compile(self, bones: "Mapping[str, tuple[ArrayLike, ArrayLike]] | Pose") -> None:
-        """Compile, or load from the cache, all that the scene needs; `start` does so too, this call only moves the time."""
+        """Compile, or load from the cache, all that the scene needs; `start` would, this call only moves the time."""
         self.start(bones, settle=SETTLING_FRAME)
         self.read(self.meter())
 
@@ -209,12 +209,12 @@ class Simulation:
         if near.size == 0:
             closest = np.linalg.norm(worn - bone, axis=1).min()
             raise ValueRangeError(
-                f"no vertex lies within {attachment.within} m of {attachment.bone!r}; the closest is {closest:.3f} m away"
+                f"no vertex is within {attachment.within} m of {attachment.bone!r}; the closest is {closest:.3f} m off"
             )
         return near
 
     def _worn(self, positions: FloatArray) -> FloatArray:
-        """Where the vertices would be held in the world [m]: the neckline for the top row, otherwise where they start."""
+        """Where the vertices would be held [m]: the neckline for the top row, otherwise where they start."""
         cloth = self.scene.cloth
         if cloth.neckline is None:
             return positions
@@ -299,7 +299,7 @@ class Simulation:
         center = np.array([float(c.mean(dtype=float)) for c in self._state[:3]])
         if np.abs(center).max() < FARTHEST:
             return
-        shift = np.round(center)
+        shift = np.round(center).astype(float)
         for component, moved in zip(self._state[:3], shift, strict=True):
             component -= component.dtype.type(moved)
         self._origin = self._origin + shift

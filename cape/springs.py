@@ -3,7 +3,9 @@
 With cells of width a and height b, tension per width Y and shear stiffness G, a lattice of springs along the threads
 and both diagonals has the plane stiffness C11 = Y and C66 = G when
 
-    k_diagonal = G (a^2 + b^2) / (2 a b),      k_right = (b / a) (Y - G a^2 / b^2),      k_down = (a / b) (Y - G b^2 / a^2)
+    k_diagonal = G (a^2 + b^2) / (2 a b)
+    k_right = (b / a) (Y - G a^2 / b^2)
+    k_down = (a / b) (Y - G b^2 / a^2)
 
 for each cell, the two edges that share a cell side taking half each (from equating the energy of a cell under uniform
 strain; the diagonals carry the G terms). Bend springs draw a vertex to the midpoint of its neighbours, with energy

@@ -33,7 +33,8 @@ def largest_frequency(springs: Springs, inverse_mass: FloatArray, positions: Flo
         pull = along[:, None] * direction
         curl = bend[:, None] * (v[start] - 2.0 * v[middle] + v[end])
         forces = np.concatenate([-pull, pull, curl, -2.0 * curl, curl])
-        return np.stack([np.bincount(ends, weights=forces[:, k], minlength=count) for k in range(3)], axis=1)
+        sums = [np.bincount(ends, weights=forces[:, k], minlength=count) for k in range(3)]
+        return np.stack(sums, axis=1).astype(float)
 
     v = np.random.default_rng(0).standard_normal((count, 3)) * (root > 0)
     squared = 0.0

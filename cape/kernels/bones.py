@@ -45,7 +45,7 @@ def fill_matrix(w, x, y, z, out):
 
 @driver
 def move_bones(position0, velocity, turns, time, positions, matrices):
-    """Advance all bones by one substep: `positions` to those at `time` since the frame's start, `matrices` by a turn."""
+    """Advance all bones by a substep: `positions` to those `time` after the frame's start, `matrices` by a turn."""
     for b in range(position0.shape[0]):
         for k in range(3):
             positions[b, k] = position0[b, k] + time * velocity[b, k]
@@ -84,6 +84,6 @@ def hold(vertices, bones, points, step, positions, matrices, x, y, z, vx, vy, vz
 
 
 def blank_motion(count):
-    """Arrays that `start_motion` and `move_bones` fill for `count` bones: matrices, turns, velocity, spin, positions."""
+    """What `start_motion` and `move_bones` fill for `count` bones: matrices, turns, velocity, spin, positions."""
     shapes = ((count, 3, 3), (count, 3, 3), (count, 3), (count, 3), (count, 3))
     return tuple(np.zeros(shape) for shape in shapes)

@@ -1,7 +1,8 @@
 """The one place for compile options.
 
-`reassoc`, `contract`, `arcp`, `afn` and `nsz` let LLVM vectorise and fuse; `nnan` and `ninf` stay off, or checks for NaN
-would be compiled away. The bits of a result depend on the machine's instruction set, never on the number of threads.
+`reassoc`, `contract`, `arcp`, `afn` and `nsz` let LLVM vectorise and fuse; `nnan` and `ninf` stay off, or checks for
+NaN would be compiled away. The bits of a result depend on the machine's instruction set, never on the number of
+threads.
 """
 
 import hashlib
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from numba import njit
-from numba.core.dispatcher import _FunctionCompiler
+from numba.core.dispatcher import _FunctionCompiler  # pyright: ignore[reportAttributeAccessIssue]
 
 FAST_MATH = {"reassoc", "contract", "arcp", "afn", "nsz"}
 
@@ -58,8 +59,8 @@ def inlined(function: Callable[..., Any]) -> Any:
     return _compiled(function, forceinline=True)
 
 
-def _compiled(function: Callable[..., Any], **options: bool) -> Any:
-    dispatcher = njit(nogil=True, cache=True, fastmath=FAST_MATH, error_model="numpy", **options)(function)
+def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+    dispatcher: Any = njit(nogil=True, cache=True, fastmath=FAST_MATH, error_model="numpy", **options)(function)
     # numba looks at the function's own file alone, and would go on with stale code after a change in another one.
     dispatcher._cache._cache_file._source_stamp = _STAMP
     return dispatcher

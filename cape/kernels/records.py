@@ -131,7 +131,7 @@ class Boxes(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """Everything the cloth can't enter, at a distance of `thickness` [m]; `free` (N,) is False for attached vertices."""
+    """What the cloth can't enter, at a distance of `thickness` [m]; `free` (N,) is False for attached vertices."""
 
     free: NDArray[np.bool_]
     thickness: float

@@ -1,9 +1,9 @@
 """Solvers: immutable descriptions of how a cloth is advanced in time."""
 
-from motions.errors import UnknownNameError
 from cape.solvers.base import Solver
 from cape.solvers.euler import SymplecticEuler
 from cape.solvers.xpbd import XPBD
+from motions.errors import UnknownNameError
 
 SOLVERS: dict[str, type[Solver]] = {"euler": SymplecticEuler, "xpbd": XPBD}
 

@@ -16,7 +16,7 @@ from motions.errors import ValueRangeError
 
 
 class EulerRoom(NamedTuple):
-    """What the steps of a run share: springs in the run's precision, room for forces, and the largest stable step [s]."""
+    """What the steps of a run share: springs in its precision, room for forces, and the largest stable step [s]."""
 
     springs: GridSprings
     forces: NDArray[np.floating]
@@ -65,8 +65,12 @@ class SymplecticEuler(Solver):
             bend_damping_time=cloth.fabric.bend_damping_time,
             gravity=np.array(assembly.scene.gravity, dtype=float),
         )
-        room = (np.zeros((3, cloth.vertices), dtype=dtype) for _ in range(2))
-        return EulerRoom(grid, *room, largest_step(springs, cloth.fabric, assembly.inverse_mass, flat))
+        return EulerRoom(
+            grid,
+            forces=np.zeros((3, cloth.vertices), dtype=dtype),
+            spring_room=np.zeros((3, cloth.vertices), dtype=dtype),
+            stable_step=largest_step(springs, cloth.fabric, assembly.inverse_mass, flat),
+        )
 
     def choose_substeps(self, room: EulerRoom, duration: float) -> int:
         """Number of steps in a frame of `duration` [s]: as asked, or as many as stability needs."""
