@@ -10,6 +10,7 @@ from cape.scene import Scene
 from cape.simulation import Diverged, Pose, Simulation
 from cape.solvers import Solver
 from cape.take import Take
+from cape.verdict import penetration_warnings, stretch_warnings
 from motions import quaternions
 from motions.errors import ValueRangeError
 from skeleton.track import BoneTrack
@@ -82,6 +83,10 @@ def simulate(
     frames = min(len(positions), len(readings))
     if simulation.retried:
         warnings.append(f"{simulation.retried} frames needed a smaller step than estimated")
+    stretch = np.array([r.stretch for r in readings[:frames]])
+    penetration = np.array([r.penetration for r in readings[:frames]])
+    penetrated = np.array([r.collider for r in readings[:frames]])
+    warnings += penetration_warnings(penetration, penetrated, scene.colliders) + stretch_warnings(stretch)
     return Take(
         name=name,
         bones=_first_frames(track, frames),
@@ -89,10 +94,10 @@ def simulate(
         triangles=scene.cloth.triangles,
         texcoords=scene.cloth.texcoords,
         positions=np.stack(positions[:frames]),
-        stretch_max=np.array([r.stretch for r in readings[:frames]]),
+        stretch_max=stretch,
         stretch_p99=meter.stretch_quantile(0.99),
-        penetration=np.array([r.penetration for r in readings[:frames]]),
-        penetrated=np.array([r.collider for r in readings[:frames]]),
+        penetration=penetration,
+        penetrated=penetrated,
         kinetic_energy=np.array([r.kinetic_energy for r in readings[:frames]]),
         solver=simulation.solver.name,
         substeps=simulation.substeps,

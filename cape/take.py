@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.colliders import Collider
+from skeleton.capsules import Capsule
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
@@ -56,6 +57,11 @@ class Take:
     solve_s: float
     result: str = "finished"
     warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def capsules(self) -> tuple[Capsule, ...]:
+        """Those of the colliders that are capsules."""
+        return tuple(c for c in self.colliders if isinstance(c, Capsule))
 
     def save(self, path: str | PathLike[str], *, layers: Iterable[str] | None = None) -> None:
         """Write a recording for the Rerun viewer; `cape.record` documents what is in it.

@@ -1,0 +1,108 @@
+"""Commands and their options; what they do stands in a module each."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    help="Hang a simulated cape on a moving character and record it for the Rerun viewer.",
+)
+
+Clip = Annotated[str, typer.Argument(help="A BVH file, or the name of a shipped clip (cape clips lists them).")]
+Output = Annotated[Path | None, typer.Option("-o", "--output", help="The recording; by default CLIP.rrd, here.")]
+Unit = Annotated[str | None, typer.Option(help="Unit of the file: m, cm, mm, inch, cmu, or metres per unit.")]
+Up = Annotated[str | None, typer.Option(help="Axis of the file that points up: x, y, z, -x, -y or -z.")]
+Height = Annotated[float | None, typer.Option(help="Scale the body to this standing height [m].")]
+Attach = Annotated[
+    list[str] | None,
+    typer.Option("--attach", metavar="ROLE=BONE", help="Name the bone that plays a role by hand; may be repeated."),
+]
+Layers = Annotated[str | None, typer.Option(help="Layers to record, separated by commas; by default all.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
+Spawn = Annotated[bool, typer.Option("--spawn", help="Open the recording in the Rerun viewer.")]
+Start = Annotated[float | None, typer.Option(help="Begin at this time of the clip [s].")]
+End = Annotated[float | None, typer.Option(help="End at this time of the clip [s].")]
+Fps = Annotated[float | None, typer.Option(help="Frames per second; by default the clip's own, 60 at most.")]
+
+
+@app.command()
+def replay(
+    clip: Clip = "walk",
+    output: Output = None,
+    fabric: Annotated[str, typer.Option(help="Name of a fabric.")] = "cape",
+    spacing: Annotated[float, typer.Option(help="Mean distance of the cloth's vertices [m].")] = 0.02,
+    length: Annotated[float | None, typer.Option(help="Length of the cape [m]; by default to the shins.")] = None,
+    solver: Annotated[str, typer.Option(help="euler or xpbd.")] = "euler",
+    substeps: Annotated[int | None, typer.Option(help="Steps per frame; by default as many as needed.")] = None,
+    fps: Fps = None,
+    wind: Annotated[
+        tuple[float, float, float], typer.Option(metavar="X Y Z", help="Velocity of the air [m/s], Z up.")
+    ] = (0.0, 0.0, 0.0),
+    unit: Unit = None,
+    up: Up = None,
+    height: Height = None,
+    start: Start = None,
+    end: End = None,
+    attach: Attach = None,
+    layers: Layers = None,
+    spawn: Spawn = False,
+    json: Json = False,
+) -> int:
+    """Simulate a cape on a character that moves as the clip tells, and record it."""
+    from cape.cli.character import Reading
+    from cape.cli.replay import Cut, run
+
+    return run(
+        Reading(clip, unit=unit, up=up, height=height, start=start, end=end, fps=fps, attach=tuple(attach or ())),
+        Cut(fabric=fabric, spacing=spacing, length=length, solver=solver, substeps=substeps, wind=wind),
+        output=output,
+        layers=_split(layers),
+        spawn=spawn,
+        json=json,
+    )
+
+
+@app.command()
+def hitboxes(
+    clip: Clip,
+    output: Output = None,
+    fps: Fps = None,
+    unit: Unit = None,
+    up: Up = None,
+    height: Height = None,
+    start: Start = None,
+    end: End = None,
+    attach: Attach = None,
+    spawn: Spawn = False,
+) -> int:
+    """Record the skeleton and its named capsules alone, without any cloth."""
+    from cape.cli.character import Reading
+    from cape.cli.hitboxes import run
+
+    reading = Reading(clip, unit=unit, up=up, height=height, start=start, end=end, fps=fps, attach=tuple(attach or ()))
+    return run(reading, output=output, spawn=spawn)
+
+
+@app.command()
+def clips() -> int:
+    """List the clips that come with the package."""
+    from cape.cli.info import list_clips
+
+    return list_clips()
+
+
+@app.command()
+def info(clip: Clip, unit: Unit = None, up: Up = None, height: Height = None, attach: Attach = None) -> int:
+    """Tell what a clip holds: joints, roles, unit, what was decided while reading, what to look at."""
+    from cape.cli.character import Reading
+    from cape.cli.info import run
+
+    return run(Reading(clip, unit=unit, up=up, height=height, attach=tuple(attach or ())))
+
+
+def _split(layers: str | None) -> list[str] | None:
+    return None if layers is None else [name.strip() for name in layers.split(",") if name.strip()]

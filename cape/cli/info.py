@@ -1,0 +1,50 @@
+"""`cape info` and `cape clips`: what a clip holds, which clips there are."""
+
+from collections.abc import Mapping
+
+import motions
+from cape.cli.character import Reading
+from cape.cli.rows import print_rows
+from motions.roles import ROLES
+
+
+def run(reading: Reading) -> int:
+    """Tell what a clip holds; gives the exit status."""
+    clip = reading.load_as_is()
+    body = reading.body(clip)
+    root = clip.joints[0]
+    facts = [
+        ("clip", clip.name),
+        ("motion", f"{clip.frames} frames at {clip.fps:g} fps, {clip.duration:.2f} s"),
+        ("joints", f"{len(clip.joints)} and {len(clip.end_parents)} end sites, root {root!r}"),
+        ("body", f"{body.height():.2f} m tall" if "head" in body.roles else "of unknown height"),
+        *(("decided", decision) for decision in clip.decisions),
+        *(("role", f"{role}: {body.roles[role]}") for role in ROLES if role in body.roles),
+        ("capsules", ", ".join(c.name for c in body.capsules())),
+        *(("left out", f"{name}: {reason}") for name, reason in body.capsules_left_out().items()),
+        *(("warning", text) for text in _warnings(clip, body.roles)),
+        ("joint names", ", ".join(clip.joints)),
+    ]
+    print_rows(facts)
+    return 0
+
+
+def list_clips() -> int:
+    """List the shipped clips; gives the exit status."""
+    rows = []
+    for name in motions.clip_names():
+        clip = motions.load(name)
+        travel = float(((clip.root_positions[-1, :2] - clip.root_positions[0, :2]) ** 2).sum() ** 0.5)
+        rows.append((name, f"{clip.duration:.1f} s at {clip.fps:g} fps, travels {travel:.1f} m"))
+    print_rows(rows)
+    return 0
+
+
+def _warnings(clip: motions.Clip, roles: Mapping[str, str]) -> list[str]:
+    missing = [role for role in ROLES if role not in roles and not role.endswith("hand")]
+    warnings = []
+    if clip.frames < 2:
+        warnings.append("a single frame: no motion to replay")
+    if missing:
+        warnings.append(f"no bone found for {', '.join(missing)}; name one by hand: --attach {missing[0]}=BONE")
+    return warnings

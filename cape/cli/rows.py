@@ -1,0 +1,16 @@
+"""Labelled rows on the terminal."""
+
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+
+def print_rows(rows: Sequence[tuple[str, str]]) -> None:
+    """Print a label and a text a row, the texts aligned and folded to the terminal's width."""
+    table = Table(show_header=False, box=None)
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+    for label, text in rows:
+        table.add_row(label, text)
+    Console(highlight=False, markup=False).print(table)

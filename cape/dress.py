@@ -1,0 +1,91 @@
+"""A character's own cape: cut to its measures, held by its shoulders, kept out by its limbs and its floor."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cape.attach import attach
+from cape.cloth import Cloth
+from cape.colliders import Collider, Plane
+from cape.fabric import Fabric
+from cape.scene import Scene
+from cape.wind import Wind
+from motions import quaternions
+from skeleton.capsules import Capsule
+from skeleton.track import BoneTrack
+
+if TYPE_CHECKING:
+    from skeleton.model import Skeleton
+
+LENGTH = 0.62  # of the body's height: from the shoulders to the middle of the shins
+# Skeletons place shoulder joints anywhere from the neck's side to the deltoid; a cape is cut to a plausible width.
+NARROWEST, WIDEST = 0.19, 0.26  # of the body's height
+
+
+def dress(
+    body: "Skeleton",
+    track: BoneTrack,
+    *,
+    length: float | None = None,
+    flare: float = 1.8,
+    spacing: float = 0.02,
+    fabric: Fabric | None = None,
+    wind: Wind | None = None,
+) -> Scene:
+    """Cut a cape for a body and build the scene in which it wears it.
+
+    Args:
+        body: the character.
+        track: its motion, of all bones.
+        length: of the cape [m]; None for 0.62 of the body's height.
+        flare: length of the hem divided by that of the neckline.
+        spacing: mean distance of neighbouring vertices [m].
+        fabric: None for that of `Fabric()`.
+        wind: the air; None for still air.
+
+    Raises:
+        ValueRangeError: a size is out of range.
+        UnknownNameError: the body has no shoulders, upper arms or pelvis that are known by name.
+    """
+    height = body.height()
+    cloth = Cloth.cape(
+        length=LENGTH * height if length is None else length,
+        flare=flare,
+        spacing=spacing,
+        shoulder_width=float(np.clip(body.shoulder_width(), NARROWEST * height, WIDEST * height)),
+        fabric=fabric,
+    )
+    shoulders = [attach(cloth, f"{side}_shoulder", f"top_{side}") for side in ("left", "right")]
+    scene = Scene(cloth, shoulders, body.capsules(), wind=wind or Wind())
+    for role in scene.bones:
+        track.index(role)
+    return _with_floor(scene, track)
+
+
+def _with_floor(scene: Scene, track: BoneTrack) -> Scene:
+    """Add the floor that the character stands on, if the cape can reach it."""
+    capsules = [c for c in scene.colliders if isinstance(c, Capsule)]
+    floor = lowest(capsules, track)
+    holds = [track.index(a.bone) for a in scene.attachments]
+    lowest_hold = float(track.positions[:, holds, 2].min())
+    reach = float(np.linalg.norm(scene.cloth.pattern - scene.cloth.pattern[0], axis=1).max())
+    if lowest_hold - floor > reach:
+        return scene
+    plane: Collider = Plane(name="floor", point=np.array([0.0, 0.0, floor]))
+    return replace(scene, colliders=(*scene.colliders, plane))
+
+
+def lowest(capsules: Sequence[Capsule], track: BoneTrack) -> float:
+    """Height of the lowest point that capsules reach over a motion, all but the lowest 2 % of frames [m]."""
+    heights = [np.full(track.frames, np.inf)]
+    for capsule in capsules:
+        if capsule.bone is None:
+            continue
+        bone = track.index(capsule.bone)
+        for end in (capsule.start, capsule.end):
+            turned = quaternions.rotate(track.rotations_wxyz[:, bone], np.broadcast_to(end, (track.frames, 3)))
+            heights.append(track.positions[:, bone, 2] + turned[:, 2] - capsule.radius)
+    lowest_points = np.min(heights, axis=0)
+    return float(np.quantile(lowest_points, 0.02)) if np.isfinite(lowest_points).all() else 0.0
