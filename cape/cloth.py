@@ -15,6 +15,7 @@ FloatArray = NDArray[np.float64]
 # Cells are a little wider than high on average, so that they are not much narrower at the neckline, where the
 # narrowest ones set the largest stable step.
 WIDER_CELLS = 1.12
+MOST_CELLS = 4000  # along one side; 16 million vertices are more than any machine steps
 SLACK = 1.08  # length of the neckline over that of the way it is worn: room for the shoulders to move
 
 Frame = Literal["world", "wearer"]
@@ -117,7 +118,7 @@ class Cloth:
         rows = _cells(length, spacing / WIDER_CELLS) + 1
         columns = _cells(inner * (1.0 + flare) / 2.0, spacing * WIDER_CELLS) + 1
         if rows < 4 or columns < 8:
-            raise ValueRangeError(f"a spacing of {spacing} m is too wide for a cape {length} m long")
+            raise ValueRangeError(f"a spacing of {spacing:g} m is too wide for a cape {length:.2f} m long")
         angle = inner * (flare - 1.0) / length
         radius = inner / angle
         theta, rho = np.meshgrid(
@@ -207,7 +208,10 @@ def _require_positive(**sizes: float) -> None:
 
 
 def _cells(size: float, spacing: float) -> int:
-    return max(1, round(size / spacing))
+    cells = max(1, round(min(size / spacing, 1e9)))
+    if cells > MOST_CELLS:
+        raise ValueRangeError(f"a spacing of {spacing:g} m is too fine for {size:.2f} m: at most {MOST_CELLS} cells a side")
+    return cells
 
 
 def _unit(direction: ArrayLike, name: str) -> FloatArray:

@@ -1,0 +1,162 @@
+"""The installed command, as a user calls it."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import motions
+
+CAPE = Path(sys.executable).with_name("cape")
+
+
+def cape(*arguments: str | Path, folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([CAPE, *map(str, arguments)], cwd=folder, capture_output=True, text=True, timeout=300)
+
+
+def one_frame(path: Path) -> None:
+    clip = motions.load("walk")
+    motions.save(clip.trim(0.0, 0.0), path)
+
+
+@pytest.fixture(scope="module")
+def broken(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("broken")
+    walk = motions.clip_path("walk").read_text()
+    (folder / "empty.bvh").write_text("")
+    (folder / "truncated.bvh").write_text(walk[:2000])
+    (folder / "words.bvh").write_text("hello\nworld\n")
+    (folder / "binary.bvh").write_bytes(bytes(range(256)) * 40)
+    one_frame(folder / "still.bvh")
+    (folder / "kept.rrd").write_text("kept")
+    return folder
+
+
+BAD = {
+    "a missing file": (["replay", "missing.bvh"], "missing.bvh"),
+    "a directory": (["replay", "."], "directory"),
+    "an empty file": (["replay", "empty.bvh"], "empty"),
+    "a truncated file": (["replay", "truncated.bvh"], "line"),
+    "another kind of file": (["replay", "words.bvh"], "not a BVH file"),
+    "binary data": (["replay", "binary.bvh"], "binary"),
+    "a single frame": (["replay", "still.bvh"], "single frame"),
+    "an unknown fabric": (["replay", "--fabric", "steel"], "denim"),
+    "an unknown solver": (["replay", "--solver", "magic"], "xpbd"),
+    "an unknown layer": (["replay", "--layers", "cape,hat"], "hitboxes"),
+    "an unknown bone": (["replay", "--attach", "chest=Tail"], "Spine2"),
+    "an unknown role": (["replay", "--attach", "tail=Hips"], "left_shoulder"),
+    "an attachment without a bone": (["replay", "--attach", "chest"], "ROLE=BONE"),
+    "an unknown unit": (["replay", "--unit", "parsec"], "inch"),
+    "a negative length": (["replay", "--length", "-1"], "length"),
+    "a spacing that is too wide": (["replay", "--spacing", "0.6"], "spacing"),
+    "a spacing that is too fine": (["replay", "--spacing", "0.0001"], "spacing"),
+    "no number": (["replay", "--spacing", "wide"], "--spacing"),
+    "a wind of two numbers": (["replay", "--wind", "1", "2"], "--wind"),
+    "a wind that is not finite": (["replay", "--wind", "nan", "0", "0"], "wind"),
+    "no substeps": (["replay", "--substeps", "0"], "substeps"),
+    "no frame rate": (["replay", "--fps", "0"], "fps"),
+    "a start after the end": (["replay", "--start", "3", "--end", "2"], "3 s"),
+    "an unknown option": (["replay", "--nope"], "--nope"),
+    "an unknown command": (["dance"], "dance"),
+    "a folder that is not there": (["replay", "-o", "nowhere/walk.rrd"], "nowhere"),
+    "an output that is a folder": (["replay", "-o", "."], "directory"),
+    "hitboxes of nothing": (["hitboxes", "missing.bvh"], "missing.bvh"),
+    "information on nothing": (["info", "missing"], "walk"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_users_mistake_is_one_line_and_status_2(case, broken):
+    arguments, word = BAD[case]
+    if arguments[0] == "replay" and "-o" not in arguments:
+        arguments = [*arguments, "-o", "kept.rrd"]
+    before = sorted(p.name for p in broken.iterdir())
+    done = cape(*arguments, folder=broken)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    *said, line = done.stderr.splitlines()
+    assert line.startswith("cape: ")
+    assert word in line
+    assert not any("Traceback" in text for text in said)
+    assert (broken / "kept.rrd").read_text() == "kept"
+    assert sorted(p.name for p in broken.iterdir()) == before
+
+
+KEYS = [
+    "frames", "fps", "vertices", "bones", "capsules", "solver", "substeps", "compile_s", "solve_s", "realtime_factor",
+    "stretch_max", "stretch_p99", "penetration_max_mm", "result", "warnings", "output",
+]  # fmt: skip
+
+
+def test_replay_without_a_clip_replays_the_walk_and_tells_it_in_json(tmp_path):
+    done = cape("replay", "--json", "--end", "0.5", folder=tmp_path)
+    assert done.returncode == 0
+    facts = json.loads(done.stdout)
+    assert set(KEYS) <= set(facts)
+    assert facts["output"] == "walk.rrd"
+    assert (tmp_path / "walk.rrd").stat().st_size > 100_000
+    assert facts["frames"] == 31
+    assert facts["fps"] == pytest.approx(60.0)
+    assert facts["result"] == "finished"
+    assert [p.name for p in tmp_path.iterdir()] == ["walk.rrd"]
+
+
+def test_replay_prints_a_table(tmp_path):
+    done = cape(
+        "replay", "idle", "--end", "0.2", "-o", "out.rrd", "--solver", "xpbd", "--substeps", "12", folder=tmp_path
+    )
+    assert done.returncode == 0
+    for word in ("xpbd, 12 substeps", "largest stretch", "deepest penetration", "real time", "out.rrd"):
+        assert word in done.stdout
+    assert "unit: cm" in done.stderr
+
+
+def test_options_reach_the_simulation(tmp_path):
+    base = ["replay", "walk", "--end", "0.2", "--json", "-o", "out.rrd"]
+    plain = json.loads(cape(*base, folder=tmp_path).stdout)
+    coarse = json.loads(cape(*base, "--spacing", "0.04", "--fabric", "denim", folder=tmp_path).stdout)
+    assert coarse["vertices"] < plain["vertices"] / 3
+    assert coarse["substeps"] < plain["substeps"]
+    short = json.loads(cape(*base, "--length", "0.5", "--fps", "30", folder=tmp_path).stdout)
+    assert short["vertices"] < 0.6 * plain["vertices"]
+    assert short["fps"] == pytest.approx(30.0)
+    assert short["frames"] == 7
+
+
+def test_hitboxes_names_its_capsules(tmp_path):
+    done = cape("hitboxes", "kick", "-o", "boxes.rrd", folder=tmp_path)
+    assert done.returncode == 0
+    assert "left_forearm" in done.stdout
+    assert (tmp_path / "boxes.rrd").stat().st_size > 10_000
+
+
+def test_clips_and_info_tell_what_there_is(tmp_path):
+    assert all(name in cape("clips", folder=tmp_path).stdout for name in motions.clip_names())
+    told = cape("info", "spin", folder=tmp_path).stdout
+    for word in ("60 fps", "left_shoulder: LeftShoulder", "unit: cm", "1.75 m"):
+        assert word in told
+
+
+def test_an_interrupted_run_leaves_a_whole_recording_or_none(tmp_path):
+    process = subprocess.Popen(
+        [CAPE, "replay", "walk", "--spacing", "0.007", "-o", "part.rrd", "--json"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    process.stderr.readline()
+    # Long before the end, and as a rule after the first frames; where it is still compiling there is nothing to keep.
+    time.sleep(6.0)
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=120)
+    assert process.returncode == 130
+    if out:
+        facts = json.loads(out)
+        assert facts["result"] == f"stopped at frame {facts['frames']}"
+    assert [p.name for p in tmp_path.iterdir()] == (["part.rrd"] if out else [])
