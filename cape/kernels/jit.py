@@ -42,6 +42,8 @@ def kernel(function: Callable[..., Any]) -> Any:
     (single precision, 1,536 vertices).
     """
     dispatcher = _compiled(function)
+    if dispatcher is function:
+        return function
     plain = dispatcher._compiler
     dispatcher._compiler = _NoAliasCompiler(
         plain.py_func, plain.targetdescr, plain.targetoptions, plain.locals, plain.pipeline_class
@@ -61,6 +63,8 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     dispatcher: Any = njit(nogil=True, cache=True, fastmath=FAST_MATH, error_model="numpy", **options)(function)
+    if dispatcher is function:  # as it is with the compiler off (NUMBA_DISABLE_JIT=1)
+        return function
     # numba looks at the function's own file alone, and would go on with stale code after a change in another one.
     dispatcher._cache._cache_file._source_stamp = _STAMP
     return dispatcher
