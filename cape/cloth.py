@@ -192,8 +192,8 @@ class Cloth:
         indices = np.asarray(vertices, dtype=np.int64).ravel()
         if indices.size == 0:
             raise ValueRangeError("no vertices given")
-        if indices.min() < 0 or indices.max() >= self.vertices:
-            raise ValueRangeError(f"vertex {indices.max()} is outside of a cloth of {self.vertices} vertices")
+        if (outside := (indices < 0) | (indices >= self.vertices)).any():
+            raise ValueRangeError(f"vertex {indices[outside][0]} is outside of a cloth of {self.vertices} vertices")
         return indices
 
     def with_fabric(self, fabric: Fabric) -> "Cloth":

@@ -1,0 +1,293 @@
+"""What a scene is made of: the cut of a cloth, its fabric, the air, attachments, and how bad values are refused."""
+
+import math
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cape import (
+    FABRICS,
+    XPBD,
+    Cloth,
+    Fabric,
+    Scene,
+    Simulation,
+    Sphere,
+    SymplecticEuler,
+    UserError,
+    Wind,
+    attach,
+    fabric,
+    solver,
+)
+from cape.springs import springs_of
+from cape.stability import largest_frequency, stable_step
+from motions.errors import UnknownNameError, ValueRangeError
+
+CUTS = {
+    "rectangle": Cloth.rectangle(width=0.7, height=0.4, spacing=0.1),
+    "smallest rectangle": Cloth.rectangle(width=0.1, height=0.1, spacing=0.1),
+    "cape": Cloth.cape(length=0.9, flare=2.2, spacing=0.04),
+}
+cuts = pytest.mark.parametrize("cloth", CUTS.values(), ids=CUTS)
+
+
+def neckline_length(cloth: Cloth) -> float:
+    """Length of the top row in the pattern, as the arc that its chords belong to [m]."""
+    assert cloth.neckline is not None
+    top = cloth.pattern[: cloth.columns]
+    return float(np.linalg.norm(np.diff(top, axis=0), axis=1).sum())
+
+
+def test_a_rectangle_has_its_size_and_place():
+    cloth = Cloth.rectangle(
+        width=1.0, height=0.5, spacing=0.15, origin=(1, 2, 3), right=(0, 0, 5), down=(-2, 0, 0), fabric=FABRICS["denim"]
+    )
+    # 6.7 and 3.3 cells are rounded to whole ones.
+    assert (cloth.rows, cloth.columns, cloth.vertices) == (4, 8, 32)
+    np.testing.assert_allclose(cloth.positions[[0, 7, 24, 31]], [[1, 2, 3], [1, 2, 4], [0.5, 2, 3], [0.5, 2, 4]])
+    np.testing.assert_allclose(cloth.pattern[-1], [1.0, 0.5])
+    assert cloth.masses().sum() == pytest.approx(0.5 * FABRICS["denim"].density, rel=1e-12)
+
+
+@pytest.mark.parametrize("flare", [1.2, 1.8, 3.0])
+@pytest.mark.parametrize("spacing", [0.04, 0.02])
+def test_a_cape_weighs_what_its_annular_sector_weighs(flare: float, spacing: float):
+    length = 1.1
+    cloth = Cloth.cape(length=length, flare=flare, spacing=spacing, hem_layers=1)
+    plain = replace(cloth, layers=None)
+    inner = neckline_length(cloth)
+    # Mean width times length. Chords are shorter than their arcs: each cell spans angle / (columns - 1).
+    angle = inner * (flare - 1) / length / (cloth.columns - 1)
+    area = inner * (1 + flare) / 2 * length
+    assert plain.masses().sum() == pytest.approx(area * plain.fabric.density, rel=angle**2 / 6 + 1e-12)
+    assert np.ptp(np.linalg.norm(np.diff(cloth.pattern[-cloth.columns :], axis=0), axis=1)) < 1e-12
+
+
+def test_layers_weigh():
+    cloth = CUTS["cape"]
+    assert cloth.layers is not None
+    cells = replace(cloth, layers=None, fabric=Fabric(density=1.0))
+    faces, pattern = cells.triangles, cells.pattern
+    edges = pattern[faces[:, 1]] - pattern[faces[:, 0]], pattern[faces[:, 2]] - pattern[faces[:, 0]]
+    areas = np.abs(edges[0][:, 0] * edges[1][:, 1] - edges[0][:, 1] * edges[1][:, 0]) / 2
+    expected = (areas * np.tile(cloth.layers.ravel(), 2)).sum() * cloth.fabric.density
+    assert cloth.masses().sum() == pytest.approx(expected, rel=1e-12)
+    assert cloth.masses().min() > 0
+
+
+@cuts
+def test_triangles_form_one_oriented_sheet(cloth: Cloth):
+    faces = cloth.triangles
+    assert faces.shape == (2 * (cloth.rows - 1) * (cloth.columns - 1), 3)
+    directed = Counter((int(a), int(b)) for face in faces for a, b in zip(face, np.roll(face, -1), strict=True))
+    # Each direction of an edge belongs to one triangle at most; inner edges have both.
+    assert set(directed.values()) == {1}
+    border = [edge for edge in directed if edge[::-1] not in directed]
+    assert len(border) == 2 * (cloth.rows - 1 + cloth.columns - 1)
+    # Euler's formula for a disc: V - E + F = 1.
+    edges = {frozenset(edge) for edge in directed}
+    assert cloth.vertices - len(edges) + len(faces) == 1
+    assert set(np.unique(faces)) == set(range(cloth.vertices))
+
+
+@cuts
+def test_springs_rest_at_the_pattern_and_stay_on_the_grid(cloth: Cloth):
+    springs = springs_of(cloth)
+    first, second, stiffness, rest = springs.pairs()
+    assert (stiffness > 0).all()
+    np.testing.assert_allclose(np.linalg.norm(cloth.pattern[second] - cloth.pattern[first], axis=1), rest, rtol=1e-12)
+    rows, columns = np.divmod(np.stack([first, second]), cloth.columns)
+    assert (np.abs(np.diff(rows, axis=0)) <= 1).all()
+    assert (np.abs(np.diff(columns, axis=0)) <= 1).all()
+    r, c = cloth.rows, cloth.columns
+    assert len(first) == r * (c - 1) + (r - 1) * c + 2 * (r - 1) * (c - 1)
+    start, offset, bend = springs.triples()
+    assert (bend > 0).all()
+    assert len(start) == r * max(c - 2, 0) + max(r - 2, 0) * c
+    straight = np.where(offset == 1, start % c + 2 < c, start + 2 * offset < cloth.vertices)
+    assert straight.all()
+
+
+@cuts
+def test_regions_and_texture_coordinates(cloth: Cloth):
+    grid = np.arange(cloth.vertices).reshape(cloth.rows, cloth.columns)
+    for name, expected in {"top": grid[0], "bottom": grid[-1], "left": grid[:, 0], "right": grid[:, -1]}.items():
+        np.testing.assert_array_equal(cloth.region(name), expected)
+    assert cloth.texcoords.dtype == np.float32
+    np.testing.assert_array_equal(cloth.texcoords[[0, cloth.columns - 1, -1]], [[0, 0], [1, 0], [1, 1]])
+
+
+@pytest.mark.parametrize("cloth", [CUTS["rectangle"], CUTS["cape"]], ids=["rectangle", "cape"])
+def test_the_top_row_is_its_two_ends_and_its_middle(cloth: Cloth):
+    parts = [cloth.region(name) for name in ("top_left", "top_middle", "top_right")]
+    np.testing.assert_array_equal(np.concatenate(parts), cloth.region("top"))
+    assert len(parts[0]) == len(parts[2]) >= 2
+
+
+def test_a_cape_is_worn_around_the_back_of_the_neck():
+    cloth = CUTS["cape"]
+    assert cloth.neckline is not None
+    left, middle, right = cloth.neckline[0], cloth.neckline[cloth.columns // 2], cloth.neckline[-1]
+    # x forward, y left, z up.
+    assert left[1] > 0 > right[1]
+    assert middle[0] < min(left[0], right[0])
+    np.testing.assert_allclose(cloth.neckline, cloth.neckline[::-1] * [1, -1, 1], atol=1e-3)
+    held = np.linalg.norm(np.diff(cloth.neckline[cloth.region("top_left")], axis=0), axis=1)
+    # Where the shoulders hold it, it is neither stretched nor slack, but for chords of the curve.
+    top = np.linalg.norm(np.diff(cloth.pattern[: len(held) + 1], axis=0), axis=1)
+    np.testing.assert_allclose(held, top, rtol=0.01)
+
+
+def test_arrays_of_a_cloth_are_read_only():
+    for array in (CUTS["cape"].positions, CUTS["cape"].pattern, CUTS["cape"].region("top")):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
+# -- the largest stable step --
+
+
+def stiffness_matrix(cloth: Cloth) -> np.ndarray:
+    """Hessian of the springs' energy at rest, vertex by vertex, shape (3 V, 3 V)."""
+    springs, positions, size = springs_of(cloth), cloth.positions, cloth.vertices
+    matrix = np.zeros((size, 3, size, 3))
+    first, second, stiffness, _ = springs.pairs()
+    for i, j, k in zip(first, second, stiffness, strict=True):
+        u = (positions[j] - positions[i]) / np.linalg.norm(positions[j] - positions[i])
+        for a, b, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
+            matrix[a, :, b, :] += sign * k * np.outer(u, u)
+    for i, step, k in zip(*springs.triples(), strict=True):
+        weights = {i: 1, i + step: -2, i + 2 * step: 1}
+        for a, wa in weights.items():
+            for b, wb in weights.items():
+                matrix[a, :, b, :] += k * wa * wb * np.eye(3)
+    return matrix.reshape(3 * size, 3 * size)
+
+
+def test_the_largest_frequency_is_that_of_the_stiffness_matrix():
+    cloth = Cloth.rectangle(width=0.3, height=0.2, spacing=0.05, fabric=Fabric(bend=0.01))
+    mass = cloth.masses()
+    weights = np.where(np.arange(cloth.vertices) < cloth.columns, 0.0, 1 / mass)
+    root = np.sqrt(np.repeat(weights, 3))
+    exact = math.sqrt(np.linalg.eigvalsh(root[:, None] * stiffness_matrix(cloth) * root).max())
+    found = largest_frequency(springs_of(cloth), weights, cloth.positions)
+    # The power method comes from below; 150 rounds leave at most 2 %.
+    assert 0.98 * exact < found <= exact * (1 + 1e-9)
+    assert largest_frequency(springs_of(cloth), np.zeros(cloth.vertices), cloth.positions) == 0.0
+
+
+@given(st.floats(1, 1e5), st.floats(0, 3))
+def test_the_stable_step_is_where_a_root_leaves_the_unit_circle(frequency: float, ratio: float):
+    rate = 2 * ratio * frequency
+
+    def largest_root(h: float) -> float:
+        return np.abs(np.roots([1, -(2 - rate * h - (frequency * h) ** 2), 1 - rate * h])).max()
+
+    step = stable_step(frequency, rate)
+    assert largest_root(0.999 * step) <= 1 + 1e-9
+    assert largest_root(1.001 * step) > 1
+    assert stable_step(0.0, 0.0) == math.inf
+
+
+# -- what is refused --
+
+
+def rectangle() -> Cloth:
+    return CUTS["rectangle"]
+
+
+REFUSED = {
+    "width 0": (lambda: Cloth.rectangle(width=0), "width must be positive and finite, not 0"),
+    "height NaN": (lambda: Cloth.rectangle(height=math.nan), "height must be positive and finite, not nan"),
+    "spacing < 0": (lambda: Cloth.rectangle(spacing=-1), "spacing must be positive and finite, not -1"),
+    "parallel": (lambda: Cloth.rectangle(right=(0, 0, 1)), "must not be parallel"),
+    "no direction": (lambda: Cloth.rectangle(down=(0, 0, 0)), "down must be three finite numbers, not all zero"),
+    "cape's length": (lambda: Cloth.cape(length=-1), "length must be positive and finite, not -1"),
+    "cape's flare": (lambda: Cloth.cape(flare=1.0), "flare of a cape must be above 1 and below 20, not 1.0"),
+    "cape's spacing": (lambda: Cloth.cape(spacing=0.5), "a spacing of 0.5 m is too wide for a cape"),
+    "shoulders": (lambda: Cloth.cape(shoulder_width=0), "shoulder width must be positive and finite, not 0"),
+    "region": (lambda: attach(rectangle(), "hand", "collar"), "no cloth region named 'collar'; available: top, bottom"),
+    "index": (lambda: attach(rectangle(), "hand", [0, 40]), "vertex 40 is outside of a cloth of 40 vertices"),
+    "negative index": (lambda: attach(rectangle(), "hand", [-1, 3]), "vertex -1 is outside of a cloth of 40 vertices"),
+    "no index": (lambda: attach(rectangle(), "hand", []), "no vertices given"),
+    "nothing said": (lambda: attach(rectangle(), "hand"), "attach to 'hand': name the vertices, or give a distance"),
+    "within 0": (lambda: attach(rectangle(), "hand", within=0), "attach to 'hand': the distance must be positive"),
+    "points": (lambda: attach(rectangle(), "hand", [1, 2], points=[[0, 0, 0]]), "one for each of the 2 vertices"),
+    "NaN point": (lambda: attach(rectangle(), "hand", [1], points=[[0, 0, math.nan]]), "points must be finite"),
+    "density 0": (lambda: Fabric(density=0), "fabric density must be positive and finite, not 0"),
+    "stretch inf": (lambda: Fabric(stretch=math.inf), "fabric stretch must be positive and finite, not inf"),
+    "bend < 0": (lambda: Fabric(bend=-1), "fabric bend must be zero or more and finite, not -1"),
+    "damping NaN": (lambda: Fabric(damping_time=math.nan), "fabric damping_time must be zero or more and finite"),
+    "fabric": (lambda: fabric("silk"), "no fabric named 'silk'; available: cape, denim"),
+    "wind": (lambda: Wind(velocity=(1, 2, math.inf)), "wind velocity must be three finite numbers"),
+    "air": (lambda: Wind(density=-1), "wind density must be zero or more and finite, not -1"),
+    "doubly attached": (
+        lambda: Scene(rectangle(), [attach(rectangle(), "a", [1, 2]), attach(rectangle(), "b", [2])]),
+        "vertex 2 is attached more than once",
+    ),
+    "doubly named": (lambda: Scene(rectangle(), (), [Sphere(), Sphere()]), "two colliders are named 'sphere'"),
+    "gravity": (lambda: Scene(rectangle(), gravity=(0, 0, math.nan)), "gravity must be three finite numbers"),
+    "friction": (lambda: Scene(rectangle(), friction=-0.1), "friction must be zero or more and finite, not -0.1"),
+    "thickness": (lambda: Scene(rectangle(), thickness=math.inf), "thickness must be zero or more and finite, not inf"),
+    "substeps": (lambda: XPBD(substeps=0), "substeps must be 1 or more, not 0"),
+    "precision": (lambda: XPBD(precision="half"), "precision must be single or double, not 'half'"),  # type: ignore[arg-type]
+    "iterations": (lambda: XPBD(iterations=0), "iterations must be 1 or more, not 0"),
+    "margin": (lambda: SymplecticEuler(margin=1.5), "margin must be above 0 and at most 1, not 1.5"),
+    "solver": (lambda: solver("verlet"), "no solver named 'verlet'; available: euler, xpbd"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_bad_values_are_refused_in_one_line(case: str):
+    make, text = REFUSED[case]
+    with pytest.raises(UserError) as raised:
+        make()
+    assert text in str(raised.value)
+    assert "\n" not in str(raised.value)
+    assert isinstance(raised.value, (ValueRangeError, UnknownNameError))
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.floats(0.05, 3), st.floats(1.01, 19), st.floats(0.01, 0.2), st.floats(0.1, 1))
+def test_any_cape_is_a_sound_cloth_or_refused(length: float, flare: float, spacing: float, shoulder_width: float):
+    try:
+        cloth = Cloth.cape(length=length, flare=flare, spacing=max(spacing, length / 50), shoulder_width=shoulder_width)
+    except UserError:
+        return
+    assert np.isfinite(cloth.positions).all()
+    assert cloth.masses().min() > 0
+    first, second, stiffness, rest = springs_of(cloth).pairs()
+    assert rest.min() > 0
+    assert stiffness.min() > 0
+    assert len(first) == len(second)
+
+
+# -- attaching by distance --
+
+POSE = {"hand": ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])}
+
+
+def test_within_a_distance_of_the_bone():
+    cloth = rectangle()
+    simulation = Simulation(Scene(cloth, [attach(cloth, "hand", within=0.15)]))
+    simulation.start(POSE)
+    expected = np.flatnonzero(np.linalg.norm(cloth.positions, axis=1) <= 0.15)
+    assert simulation.assembly.attached is not None
+    np.testing.assert_array_equal(simulation.assembly.attached.vertices, expected)
+    # Three of a region of eight.
+    simulation = Simulation(Scene(cloth, [attach(cloth, "hand", "top", within=0.25)]))
+    simulation.start(POSE)
+    assert simulation.assembly.attached is not None
+    np.testing.assert_array_equal(simulation.assembly.attached.vertices, [0, 1, 2])
+
+
+def test_within_reach_of_nothing():
+    cloth = rectangle()
+    simulation = Simulation(Scene(cloth, [attach(cloth, "hand", "bottom", within=0.2)]))
+    with pytest.raises(ValueRangeError, match=r"within 0.2 m of 'hand'; the closest is 0.400 m off"):
+        simulation.start(POSE)
