@@ -18,6 +18,7 @@ Overrides = dict[Any, Any]
 EYE = (-2.05, -1.05, 0.45)
 EYE_TARGET = (0.0, 0.0, -0.08)
 LINING_COLOR = (58, 66, 104)
+MANNEQUIN_COLOR = (150, 152, 158)
 
 
 def layout(layers: Collection[str]) -> rrb.Blueprint:
@@ -55,7 +56,7 @@ def _scene(layers: Collection[str]) -> rrb.View | rrb.Container:
     if "hitboxes" not in layers:
         return _view("cape", overrides=_two_sided())
     return rrb.Tabs(
-        _view("cape", overrides=_two_sided(), hidden=("/world/hitboxes",)),
+        _view("cape", overrides=_two_sided() | _mannequin()),
         _view("hitboxes", overrides=labelled | _two_sided()),
         active_tab="cape",
     )
@@ -68,6 +69,16 @@ def _two_sided() -> Overrides:
     outside = rr.Mesh3D.from_fields(face_rendering="Front")
     lining = rr.Mesh3D.from_fields(face_rendering="Back", **albedo(plain(LINING_COLOR)))
     return {"/world/cape": [outside.visualizer(), lining.visualizer()]}
+
+
+def _mannequin() -> Overrides:
+    """Draw the hitboxes as a solid body that wears the cape."""
+    import rerun as rr
+
+    solid = rr.Capsules3D.from_fields(
+        fill_mode=rr.components.FillMode.Solid, colors=[MANNEQUIN_COLOR], show_labels=False
+    )
+    return {"/world/hitboxes": [solid.visualizer()]}
 
 
 def _view(name: str, *, overrides: Overrides, hidden: Collection[str] = ()) -> rrb.View:
