@@ -17,12 +17,10 @@ from cape.springs import springs_of
 FloatArray = NDArray[np.float64]
 
 DOUBLE = (SymplecticEuler(precision="double"), XPBD(precision="double"))
-SINGLE = (SymplecticEuler(), XPBD())
+DEFAULTS = (SymplecticEuler(), XPBD())
 
 both_solvers = pytest.mark.parametrize("solver", DOUBLE, ids=lambda s: s.name)
-both_solvers_in_both_precisions = pytest.mark.parametrize(
-    "solver", DOUBLE + SINGLE, ids=lambda s: f"{s.name}-{s.precision}"
-)
+both_by_default = pytest.mark.parametrize("solver", DEFAULTS, ids=lambda s: s.name)
 
 
 def grid_cloth(

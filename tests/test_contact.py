@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scenes import DOUBLE, SINGLE, Run, both_solvers, both_solvers_in_both_precisions, grid_cloth, turn_about
+from scenes import DEFAULTS, DOUBLE, Run, both_by_default, both_solvers, grid_cloth, turn_about
 from shapes import box_distance, capsule_distance
 
 from cape import Box, Capsule, Collider, Fabric, Plane, Scene, Sphere, attach
@@ -55,7 +55,7 @@ def test_slides_down_a_slope_with_coulomb_friction(solver: Solver, degrees: floa
     np.testing.assert_allclose(run.velocities, np.tile(along * acceleration * t, (6, 1)), atol=1e-9)
 
 
-@both_solvers_in_both_precisions
+@pytest.mark.parametrize("solver", [DEFAULTS[0], *DOUBLE], ids=lambda s: f"{s.name}-{s.precision}")
 @pytest.mark.parametrize("degrees", [0, 10, 21])
 def test_sticks_below_the_angle_of_friction(solver: Solver, degrees: float):
     # The angle of friction of 0.4 is 21.8 degrees.
@@ -129,7 +129,7 @@ def test_a_spinning_shape_drags_the_cloth_along_its_surface(solver: Solver, shap
     assert abs(pulled[1]) < 1e-6
 
 
-@pytest.mark.parametrize("solver", SINGLE, ids=lambda s: s.name)
+@both_by_default
 @pytest.mark.parametrize("shape", ["sphere", "box", "capsule", "plane"])
 def test_rests_on_a_shape_without_entering_it(solver: Solver, shape: str):
     cloth = grid_cloth(
@@ -164,7 +164,7 @@ def test_rests_on_a_shape_without_entering_it(solver: Solver, shape: str):
     assert np.abs(run.velocities[touching]).max() < 0.5
 
 
-@pytest.mark.parametrize("solver", SINGLE + DOUBLE, ids=lambda s: f"{s.name}-{s.precision}")
+@both_by_default
 def test_a_capsule_at_5_m_s_pushes_the_cloth_ahead(solver: Solver):
     speed, radius = 5.0, 0.08
     cloth = grid_cloth(np.linspace(-0.3, 0.3, 21), np.linspace(0, 0.8, 28), FABRIC, right=(0, 1, 0))

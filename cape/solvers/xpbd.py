@@ -1,7 +1,7 @@
 """XPBD: position-based dynamics with compliance, solved constraint by constraint in small steps."""
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,10 +33,13 @@ class XPBD(Solver):
     motion as steps shrink; at few steps it is softer and damped, and never unstable. First order in time.
 
     Attributes:
+        precision: double unless asked otherwise. Corrections of positions shrink with the square of the step, below
+            what single precision can add to a position, and the velocity is their difference divided by the step.
         iterations: sweeps over all constraints in each step.
     """
 
     name: ClassVar[str] = "xpbd"
+    precision: Literal["single", "double"] = "double"
     iterations: int = 1
 
     def __post_init__(self) -> None:

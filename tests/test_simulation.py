@@ -1,0 +1,309 @@
+"""The loop around the solvers: poses, failure, settling, precision, and the same bits every time."""
+
+import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import both_by_default, turn_about
+
+from cape import XPBD, Capsule, Cloth, Diverged, Fabric, Pose, Scene, Simulation, Solver, SymplecticEuler, attach
+from cape import simulate as simulate_take
+from motions.errors import UnknownNameError, ValueRangeError
+from skeleton.track import BoneTrack
+
+SOFT = Fabric(density=0.2, stretch=100.0, shear=20.0, bend=1e-4, damping_time=1e-3)
+UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def hanging(
+    fabric: Fabric = SOFT, *, spacing: float = 0.05, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> Scene:
+    """A rectangle that hangs from a bone."""
+    cloth = Cloth.rectangle(width=0.3, height=0.4, spacing=spacing, fabric=fabric, origin=origin)
+    return Scene(cloth, [attach(cloth, "hand", "top")])
+
+
+def swing(time: float, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Pose:
+    """Pose of the only bone at a time [s]: swung and turned once a second."""
+    angle = 2 * np.pi * time
+    place = np.array([0.1 * np.sin(angle), 0.05 * np.sin(2 * angle), 0.0]) + offset
+    return Pose(place[None], turn_about((0, 0, 1), 0.5 * np.sin(angle))[None])
+
+
+def swing_track(frames: int = 31) -> BoneTrack:
+    times = np.arange(frames) / 60
+    poses = [swing(t) for t in times]
+    return BoneTrack(
+        ("hand",), times, np.stack([p.positions for p in poses]), np.stack([p.rotations_wxyz for p in poses])
+    )
+
+
+def swung(solver: Solver, *, frames: int = 30, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
+    """Positions of the hanging cloth after a while, relative to `offset` [m]."""
+    simulation = Simulation(hanging(origin=offset), solver=solver)
+    simulation.start(swing(0.0, offset))
+    for frame in range(1, frames + 1):
+        simulation.step(swing(frame / 60, offset), 1 / 60)
+    return simulation.positions - offset
+
+
+# -- poses --
+
+
+@both_by_default
+def test_a_mapping_and_a_pose_give_the_same_bits(solver: Solver):
+    by_pose, by_name = Simulation(hanging(), solver=solver), Simulation(hanging(), solver=solver)
+    for frame in range(5):
+        pose = swing(frame / 60)
+        by_pose.step(pose, 1 / 60)
+        by_name.step(
+            {"hand": (pose.positions[0].tolist(), pose.rotations_wxyz[0]), "foot": ((9, 9, 9), UNTURNED)}, 1 / 60
+        )
+    np.testing.assert_array_equal(by_name.positions, by_pose.positions)
+    np.testing.assert_array_equal(by_name.velocities, by_pose.velocities)
+
+
+def test_a_step_without_a_start_starts():
+    stepped, started = Simulation(hanging()), Simulation(hanging())
+    stepped.step(swing(0.0), 1 / 60)
+    started.start(swing(0.0))
+    started.step(swing(0.0), 1 / 60)
+    np.testing.assert_array_equal(stepped.positions, started.positions)
+    assert np.abs(stepped.velocities).max() > 0.01
+
+
+def test_nothing_can_be_asked_before_the_start():
+    simulation = Simulation(hanging())
+    for ask in (lambda: simulation.positions, lambda: simulation.velocities, simulation.meter):
+        with pytest.raises(ValueRangeError, match="has not been started"):
+            ask()
+
+
+BAD_POSES = {
+    "NaN": ({"hand": ([math.nan, 0, 0], UNTURNED)}, ValueRangeError, "the pose of the bones is not finite"),
+    "infinite turn": ({"hand": ([0, 0, 0], [math.inf, 0, 0, 0])}, ValueRangeError, "not finite"),
+    "missing": ({"foot": ([0, 0, 0], UNTURNED)}, UnknownNameError, "no bone named 'hand'; available: foot"),
+    "two bones": (Pose(np.zeros((2, 3)), np.tile(UNTURNED, (2, 1))), ValueRangeError, "a pose of 1 bones is needed"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_POSES)
+def test_a_bad_pose_is_refused_and_changes_nothing(case: str):
+    pose, error, text = BAD_POSES[case]
+    simulation = Simulation(hanging())
+    with pytest.raises(error, match=text):
+        simulation.start(pose)
+    simulation.step(swing(0.0), 1 / 60)
+    before = simulation.positions, simulation.velocities
+    with pytest.raises(error, match=text):
+        simulation.step(pose, 1 / 60)
+    np.testing.assert_array_equal((simulation.positions, simulation.velocities), before)
+
+
+@pytest.mark.parametrize("dt", [0.0, -1 / 60, math.nan, math.inf])
+def test_a_bad_time_step_is_refused(dt: float):
+    with pytest.raises(ValueRangeError, match="time step must be positive and finite"):
+        Simulation(hanging()).step(swing(0.0), dt)
+
+
+# -- failure --
+
+STIFF = Fabric(stretch=2e5, shear=1e4)
+
+
+def test_too_large_a_step_is_taken_back_and_done_again():
+    scene = hanging(SOFT, spacing=0.02)
+    trial = Simulation(scene)
+    trial.step(swing(0.0), 1 / 60)
+    enough = trial.substeps
+    # At half of what is stable a rounding error grows by a factor of ten a step, to 1e30 in a frame.
+    simulation = Simulation(scene, solver=SymplecticEuler(substeps=(enough + 1) // 2))
+    simulation.start(swing(0.0))
+    for frame in range(1, 31):
+        simulation.step(swing(frame / 60), 1 / 60)
+    assert simulation.retried == 30
+    fine = Simulation(scene, solver=SymplecticEuler(substeps=2 * enough))
+    fine.start(swing(0.0))
+    for frame in range(1, 31):
+        fine.step(swing(frame / 60), 1 / 60)
+    # Half a step of first order, at 10 m/s2 over half a second: g t h / 2 = 0.6 mm, and twice that where it folds.
+    assert np.abs(simulation.positions - fine.positions).max() < 0.0012
+
+
+def test_what_explodes_at_any_step_is_reported_and_the_state_is_as_before():
+    simulation = Simulation(hanging(STIFF), solver=SymplecticEuler(substeps=1))
+    simulation.start(swing(0.0))
+    # One step moves what is held; in the second the threads know.
+    simulation.step(swing(1 / 60), 1 / 60)
+    before = simulation.positions, simulation.velocities
+    with pytest.raises(Diverged, match=r"explodes even at 16 substeps.*softer or heavier fabric.*xpbd"):
+        simulation.step(swing(2 / 60), 1 / 60)
+    np.testing.assert_array_equal((simulation.positions, simulation.velocities), before)
+
+
+def test_a_take_ends_before_the_frame_that_diverges():
+    take = simulate_take(hanging(STIFF), swing_track(), solver=SymplecticEuler(substeps=1))
+    frames = len(take.positions)
+    assert 1 <= frames < 31
+    assert take.result == f"diverged at frame {frames}"
+    assert any("softer or heavier fabric" in w for w in take.warnings)
+    assert take.bones.frames == frames
+    for series in (take.stretch_max, take.penetration, take.penetrated, take.kinetic_energy):
+        assert len(series) == frames
+    assert np.isfinite(take.positions).all()
+
+
+def test_an_interrupt_keeps_the_frames_that_are_done():
+    def stop(done: int, frames: int) -> None:
+        assert frames == 31
+        if done == 7:
+            raise KeyboardInterrupt
+
+    whole = simulate_take(hanging(), swing_track())
+    take = simulate_take(hanging(), swing_track(), progress=stop)
+    assert take.result == "stopped at frame 7"
+    np.testing.assert_array_equal(take.positions, whole.positions[:7])
+    np.testing.assert_array_equal(take.kinetic_energy, whole.kinetic_energy[:7])
+    assert whole.result == "finished"
+    assert len(whole.positions) == 31
+
+
+def test_a_track_of_one_frame_is_refused():
+    with pytest.raises(ValueRangeError, match="a motion of one frame can't be simulated"):
+        simulate_take(hanging(), swing_track(1))
+
+
+def test_a_bone_that_the_track_lacks_is_named():
+    cloth = Cloth.rectangle(width=0.2, height=0.2, spacing=0.1)
+    with pytest.raises(UnknownNameError, match="no bone named 'wing'; available: hand"):
+        simulate_take(Scene(cloth, [attach(cloth, "wing", "top")]), swing_track())
+
+
+# -- settling --
+
+
+@pytest.fixture(scope="module")
+def standing():
+    """A cape on somebody who stands still for a second: shoulders 0.36 m apart, a trunk of three capsules."""
+    names = ("left_upper_arm", "right_upper_arm", "pelvis")
+    places = np.array([[0, 0.18, 1.41], [0, -0.18, 1.41], [0, 0, 1.0]])
+    cloth = Cloth.cape(length=0.9, spacing=0.04)
+    trunk = [
+        Capsule("chest", "pelvis", np.array([0, 0, 0.0]), np.array([0, 0, 0.3]), 0.12),
+        Capsule("shoulders", "pelvis", np.array([0, 0.13, 0.38]), np.array([0, -0.13, 0.38]), 0.07),
+    ]
+    scene = Scene(
+        cloth,
+        [attach(cloth, "left_upper_arm", "top_left"), attach(cloth, "right_upper_arm", "top_right")],
+        trunk,
+    )
+    frames = 61
+    track = BoneTrack(names, np.arange(frames) / 60, np.tile(places, (frames, 1, 1)), np.tile(UNTURNED, (frames, 3, 1)))
+    return simulate_take(scene, track)
+
+
+def test_the_first_frame_is_settled(standing):
+    cape_mass = Cloth.cape(length=0.9, spacing=0.04).masses().sum()
+    # Root mean square, weighed by mass: less than a finger's breadth in a second.
+    assert np.sqrt(2 * standing.kinetic_energy[0] / cape_mass) < 0.03
+    drift = np.linalg.norm(standing.positions - standing.positions[0], axis=2)
+    assert np.sqrt((drift**2).mean(axis=1)).max() < 0.02
+    assert standing.result == "finished"
+
+
+def test_a_settled_cape_hangs_behind_the_back(standing):
+    hem = standing.positions[0, -20:]
+    assert (hem[:, 0] < 0).all()
+    assert (hem[:, 2] < 0.9).all()
+    assert standing.penetration.max() < 1e-5
+    assert standing.stretch_max.max() < 0.1
+
+
+# -- precision --
+
+
+def test_single_and_double_precision_agree():
+    single = swung(SymplecticEuler(substeps=40))
+    double = swung(SymplecticEuler(substeps=40, precision="double"))
+    difference = np.abs(single - double).max()
+    # Each of 1200 steps rounds a position below 0.5 m by 2^-26 m at most, and the springs hold what rounds apart
+    # together: 18 um if all roundings went the same way.
+    assert 0 < difference < 1200 * 2**-26
+
+
+@both_by_default
+def test_far_from_the_origin_nothing_changes(solver: Solver):
+    solver = replace(solver, substeps=40)
+    near = swung(solver)
+    # A kilometre off. Powers of two, so that the poses themselves lose 2^-43 m at most.
+    far = swung(solver, offset=(1024.0, -512.0, 128.0))
+    assert np.abs(far - near).max() < (1200 * 2**-26 if solver.precision == "single" else 1e-9)
+
+
+# -- the same bits --
+
+SCRIPT = """
+import sys
+sys.path.insert(0, {tests!r})
+import hashlib, numpy as np
+from test_simulation import hanging, swing_track
+from cape import XPBD, SymplecticEuler, simulate
+for solver in (SymplecticEuler(), XPBD()):
+    take = simulate(hanging(), swing_track(), solver=solver)
+    print(hashlib.sha256(take.positions.tobytes() + take.kinetic_energy.tobytes()).hexdigest())
+"""
+
+
+def test_the_same_bits_in_any_process_with_any_number_of_threads():
+    script = SCRIPT.format(tests=str(Path(__file__).parent))
+    seen = []
+    for threads in ("1", "2"):
+        environment = {**os.environ, "NUMBA_NUM_THREADS": threads}
+        done = subprocess.run(
+            [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True
+        )
+        seen.append(done.stdout.split())
+    assert seen[0] == seen[1]
+    assert len(seen[0]) == 2
+
+
+@both_by_default
+def test_the_same_bits_twice(solver: Solver):
+    first, second = (simulate_take(hanging(), swing_track(), solver=solver) for _ in range(2))
+    np.testing.assert_array_equal(first.positions, second.positions)
+    np.testing.assert_array_equal(first.kinetic_energy, second.kinetic_energy)
+    assert first.stretch_p99 == second.stretch_p99
+
+
+def test_a_simulation_starts_anew():
+    simulation = Simulation(hanging())
+    results = []
+    for _ in range(2):
+        simulation.start(swing(0.0))
+        for frame in range(1, 6):
+            simulation.step(swing(frame / 60), 1 / 60)
+        results.append(simulation.positions)
+    np.testing.assert_array_equal(*results)
+
+
+COMPILER_OFF = """
+import sys
+sys.path.insert(0, {tests!r})
+import numpy as np
+from test_simulation import swung
+from cape import XPBD, SymplecticEuler
+np.save(sys.argv[1], [swung(s(substeps=10, precision="double"), frames=3) for s in (SymplecticEuler, XPBD)])
+"""
+
+
+def test_the_compiler_changes_nothing_but_rounding(tmp_path: Path):
+    script, output = COMPILER_OFF.format(tests=str(Path(__file__).parent)), tmp_path / "positions.npy"
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    subprocess.run([sys.executable, "-c", script, str(output)], env=environment, check=True)
+    compiled = [swung(solver(substeps=10, precision="double"), frames=3) for solver in (SymplecticEuler, XPBD)]
+    np.testing.assert_allclose(np.load(output), compiled, atol=1e-13)
