@@ -14,22 +14,27 @@ if TYPE_CHECKING:
 # Visualizers by the path of the entity that they draw; a dict of the invariant type that Rerun asks for.
 Overrides = dict[Any, Any]
 
-# In the frame of /world/character: X ahead, Y to the left, Z up, the pelvis at the origin [m].
-EYE = (-2.05, -1.05, 0.45)
-EYE_TARGET = (0.0, 0.0, -0.08)
+# In the frame of /world/character: X ahead, Y to the left, Z up, the pelvis at the origin; in heights of the skeleton.
+EYE = (-1.27, -0.78, 0.31)
+EYE_TARGET = (0.0, 0.0, 0.0)
 LINING_COLOR = (58, 66, 104)
-MANNEQUIN_COLOR = (150, 152, 158)
+BODY_COLOR = (172, 170, 168)
+BODY_LINE_COLOR = (120, 119, 118)  # darker, as lines are not lit
 
 
-def layout(layers: Collection[str]) -> rrb.Blueprint:
+def layout(layers: Collection[str], height: float) -> rrb.Blueprint:
     """A view that follows the figure from behind, a second one with the hitboxes a tab away, the curves below.
 
     The views' origin is /world/character, so that the eye keeps its place beside the figure, and can still be turned
     about it by hand.
+
+    Args:
+        layers: what is in the recording.
+        height: of the skeleton [m], which the views are to hold.
     """
     import rerun.blueprint as rrb
 
-    scene = _scene(layers)
+    scene = _scene(layers, height)
     time = rrb.TimePanel(timeline="time", state="collapsed", play_state="playing", loop_mode="all")
     if "plots" not in layers:
         return rrb.Blueprint(scene, time, collapse_panels=True)
@@ -46,18 +51,18 @@ def layout(layers: Collection[str]) -> rrb.Blueprint:
     return rrb.Blueprint(rrb.Vertical(scene, curves, row_shares=[4, 1]), time, collapse_panels=True)
 
 
-def _scene(layers: Collection[str]) -> rrb.View | rrb.Container:
+def _scene(layers: Collection[str], height: float) -> rrb.View | rrb.Container:
     import rerun as rr
     import rerun.blueprint as rrb
 
     labelled = {"/world/hitboxes": [rr.Capsules3D.from_fields(show_labels=True).visualizer()]}
     if "cape" not in layers:
-        return _view("hitboxes" if "hitboxes" in layers else "scene", overrides=labelled)
+        return _view("hitboxes" if "hitboxes" in layers else "scene", height, overrides=labelled)
     if "hitboxes" not in layers:
-        return _view("cape", overrides=_two_sided())
+        return _view("cape", height, overrides=_two_sided())
     return rrb.Tabs(
-        _view("cape", overrides=_two_sided() | _mannequin()),
-        _view("hitboxes", overrides=labelled | _two_sided()),
+        _view("cape", height, overrides=_two_sided() | _mannequin()),
+        _view("hitboxes", height, overrides=labelled | _two_sided()),
         active_tab="cape",
     )
 
@@ -72,24 +77,26 @@ def _two_sided() -> Overrides:
 
 
 def _mannequin() -> Overrides:
-    """Draw the hitboxes as a solid body that wears the cape."""
+    """Draw the hitboxes as a solid body that wears the cape, and what no capsule covers, such as fingers, like it."""
     import rerun as rr
 
-    solid = rr.Capsules3D.from_fields(
-        fill_mode=rr.components.FillMode.Solid, colors=[MANNEQUIN_COLOR], show_labels=False
-    )
-    return {"/world/hitboxes": [solid.visualizer()]}
+    solid = rr.components.FillMode.Solid
+    body = rr.Capsules3D.from_fields(fill_mode=solid, colors=[BODY_COLOR], show_labels=False)
+    rest = rr.LineStrips3D.from_fields(colors=[BODY_LINE_COLOR])
+    return {"/world/hitboxes": [body.visualizer()], "/world/skeleton": [rest.visualizer()]}
 
 
-def _view(name: str, *, overrides: Overrides, hidden: Collection[str] = ()) -> rrb.View:
+def _view(name: str, height: float, *, overrides: Overrides) -> rrb.View:
     import rerun.blueprint as rrb
 
     return rrb.Spatial3DView(
         origin="/world/character",
-        contents=["/world/**", *(f"- {path}" for path in hidden)],
+        contents="/world/**",
         name=name,
         overrides=overrides,
         background=BACKGROUND,
         line_grid=False,
-        eye_controls=rrb.EyeControls3D(position=EYE, look_target=EYE_TARGET),
+        eye_controls=rrb.EyeControls3D(
+            position=[height * part for part in EYE], look_target=[height * part for part in EYE_TARGET]
+        ),
     )

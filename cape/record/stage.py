@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cape.colliders import Collider, Plane
 from cape.record.frames import Frames, send_once
+from cape.record.layers import drawn_links
 from cape.record.poses import from_z_axis
 from motions import quaternions
 from skeleton.track import BoneTrack
@@ -33,10 +34,12 @@ def log_character(stream: rr.RecordingStream, bones: BoneTrack, frames: Frames) 
 
     send_once(stream, "/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     half = heading(bones, frames) / 2
-    turn = rr.Quaternion(xyzw=[0.0, 0.0, np.sin(half), np.cos(half)])
-    send_once(stream, "/world/character", rr.Transform3D.from_fields(quaternion=turn))
     places = smoothed_path(bones, frames).astype(np.float32)
-    frames.send(stream, "/world/character", rr.Transform3D, {"translation": places[:, None]})
+    turns = np.tile(np.float32([0.0, 0.0, np.sin(half), np.cos(half)]), (len(places), 1))
+    # Both in each row: a row of a transform replaces all of the one before, also what was sent once.
+    frames.send(
+        stream, "/world/character", rr.Transform3D, {"translation": places[:, None], "quaternion": turns[:, None]}
+    )
 
 
 def smoothed_path(bones: BoneTrack, frames: Frames) -> FloatArray:
@@ -67,6 +70,13 @@ def heading(bones: BoneTrack, frames: Frames) -> float:
                 return float(np.arctan2(-to_left[0], to_left[1]))
     way = bones.positions[frames.numbers[-1], 0] - first[0]
     return float(np.arctan2(way[1], way[0])) if np.hypot(way[0], way[1]) > 1e-3 else 0.0
+
+
+def skeleton_height(bones: BoneTrack, frames: Frames) -> float:
+    """From the lowest joint to the highest [m] in half of the frames or more, 1 m for a skeleton without any height."""
+    drawn = drawn_links(bones).ravel()
+    heights = bones.positions[frames.numbers][:, drawn if len(drawn) else slice(None), 2]
+    return float(np.median(np.ptp(heights, axis=1))) or 1.0
 
 
 def log_floor(stream: rr.RecordingStream, bones: BoneTrack, colliders: Sequence[Collider], frames: Frames) -> None:

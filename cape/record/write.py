@@ -14,7 +14,7 @@ from cape.record.blueprint import layout
 from cape.record.file import recording_file
 from cape.record.frames import Frames
 from cape.record.layers import check_layers, log_cape, log_hitboxes, log_plots, log_skeleton
-from cape.record.stage import log_character, log_floor
+from cape.record.stage import log_character, log_floor, skeleton_height
 from motions.errors import ValueRangeError
 from skeleton.track import BoneTrack
 
@@ -44,7 +44,8 @@ def save(take: Take, path: str | os.PathLike[str], *, layers: Iterable[str] | No
     asked = check_layers(layers)
     frames = _finite_frames(take.name, take.bones, take.positions)
     size = OVERHEAD + (2 * take.positions.nbytes if "cape" in asked else 0)
-    with recording_file(path, application="cape", name=take.name, blueprint=layout(asked), size=size) as stream:
+    blueprint = layout(asked, skeleton_height(take.bones, frames))
+    with recording_file(path, application="cape", name=take.name, blueprint=blueprint, size=size) as stream:
         log_character(stream, take.bones, frames)
         if "cape" in asked:
             log_cape(stream, take, frames)
@@ -82,7 +83,8 @@ def save_hitboxes(
     """
     asked = check_layers(layers, BODY_LAYERS)
     frames = _finite_frames(name, bones)
-    with recording_file(path, application="cape hitboxes", name=name, blueprint=layout(asked), size=OVERHEAD) as stream:
+    blueprint = layout(asked, skeleton_height(bones, frames))
+    with recording_file(path, application="cape hitboxes", name=name, blueprint=blueprint, size=OVERHEAD) as stream:
         log_character(stream, bones, frames)
         if "skeleton" in asked:
             log_skeleton(stream, bones, frames)
