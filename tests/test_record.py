@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,7 +17,7 @@ from cape.normals import vertex_normals
 from cape.record.frames import Frames
 from cape.record.layers import drawn_links
 from cape.record.poses import from_z_axis
-from cape.record.stage import heading, smoothed_path
+from cape.record.stage import heading, skeleton_height, smoothed_path
 from cape.take import Take
 from motions import quaternions
 from motions.errors import FileError, UnknownNameError, ValueRangeError
@@ -278,6 +279,30 @@ def test_a_blueprint_and_a_name_come_along(saved: Recording):
     (blueprint,) = saved.reader.blueprints()
     assert blueprint.application_id == recording.application_id == "cape"
     assert saved.array("/__properties", "RecordingInfo:name", static=True).tolist() == [["test take"]]
+
+
+def test_the_layout_draws_hitboxes_as_a_body_and_with_names(saved: Recording):
+    overrides = [
+        chunk.to_record_batch()
+        for chunk in saved.reader.stream(store=saved.reader.blueprints()[0])
+        if "overrides/world/hitboxes/visualizers" in chunk.entity_path
+    ]
+    drawn = {
+        name: [row.as_py() for batch in overrides if name in batch.schema.names for row in batch.column(name)]
+        for name in ("Capsules3D:fill_mode", "Capsules3D:show_labels")
+    }
+    assert drawn["Capsules3D:fill_mode"] == [[rr.components.FillMode.Solid.value]]
+    assert sorted(drawn["Capsules3D:show_labels"]) == [[False], [True]]
+
+
+def test_a_figure_fills_the_view_whatever_its_size():
+    bones = make_bones()
+    frames = Frames(np.arange(FRAMES), bones.times)
+    # From the pelvis to the arms; the root on the ground is no part of the figure.
+    assert skeleton_height(bones, frames) == pytest.approx(0.4)
+    giant = replace(bones, positions=50 * bones.positions)
+    assert skeleton_height(giant, frames) == pytest.approx(20)
+    assert skeleton_height(replace(bones, positions=0 * bones.positions), frames) == 1.0
 
 
 def test_about_24_bytes_a_vertex_and_frame(tmp_path: Path):

@@ -16,6 +16,9 @@ What is in a recording, by entity path (an interface: scripts may rely on it):
 
 Lengths are metres in a right-handed world with Z up, in single precision. A row stands on two timelines: `frame`, the
 frame's number, and `time`, its time [s] as a duration.
+
+The layout that comes along draws the hitboxes twice from the same data: in the tab `cape` as a solid body, in the tab
+`hitboxes` as they are logged, translucent and with their names.
 """
 
 from cape.record.layers import LAYERS

@@ -45,6 +45,8 @@ def recording_file(
         if target.exists() and not target.is_file():
             raise FileError(f"can't write {path}: it is {'a directory' if target.is_dir() else 'no regular file'}")
         # Asked beforehand because a disk that fills up is only logged by Rerun's writer, and can leave it waiting.
+        # Writing a BinaryStream's bytes oneself is no way out: each read starts a new file, with a header and an index
+        # that point nowhere once they are joined, and a single read at the end holds the recording in memory.
         free = shutil.disk_usage(target.parent).free
         if free < size:
             raise FileError(f"can't write {path}: it takes about {size / 1e6:.0f} MB and {free / 1e6:.0f} MB are free")

@@ -35,7 +35,7 @@ def log_character(stream: rr.RecordingStream, bones: BoneTrack, frames: Frames) 
     send_once(stream, "/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     half = heading(bones, frames) / 2
     places = smoothed_path(bones, frames).astype(np.float32)
-    turns = np.tile(np.float32([0.0, 0.0, np.sin(half), np.cos(half)]), (len(places), 1))
+    turns = np.tile(np.array([0.0, 0.0, np.sin(half), np.cos(half)], np.float32), (len(places), 1))
     # Both in each row: a row of a transform replaces all of the one before, also what was sent once.
     frames.send(
         stream, "/world/character", rr.Transform3D, {"translation": places[:, None], "quaternion": turns[:, None]}
