@@ -1,13 +1,17 @@
 """Shapes that cloth can't enter. A capsule is `skeleton.Capsule`; the other shapes are defined here."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from motions.errors import ValueRangeError
 from skeleton.capsules import Capsule
 
 FloatArray = NDArray[np.float64]
+
+UNIT_TOLERANCE = 1e-6  # of a quaternion's length: beyond single precision's rounding it is a mistake
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -20,6 +24,9 @@ class Sphere:
         center: in the bone's frame [m], shape (3,).
         radius: [m].
         friction: Coulomb coefficient against cloth, None for the scene's default.
+
+    Raises:
+        ValueRangeError: a value is out of range.
     """
 
     name: str = "sphere"
@@ -27,6 +34,11 @@ class Sphere:
     center: FloatArray = field(default_factory=lambda: np.zeros(3))
     radius: float = 0.5
     friction: float | None = None
+
+    def __post_init__(self) -> None:
+        """Copy, check and freeze the centre."""
+        _freeze(self, center=3)
+        _require(self, 0.0 < self.radius < math.inf, "the radius must be positive", self.radius)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,6 +52,9 @@ class Box:
         half_sizes: half the edge lengths [m], shape (3,).
         rotation_wxyz: unit quaternion (w, x, y, z) box_to_bone, shape (4,).
         friction: Coulomb coefficient against cloth, None for the scene's default.
+
+    Raises:
+        ValueRangeError: a value is out of range.
     """
 
     name: str = "box"
@@ -48,6 +63,13 @@ class Box:
     half_sizes: FloatArray = field(default_factory=lambda: np.full(3, 0.5))
     rotation_wxyz: FloatArray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
     friction: float | None = None
+
+    def __post_init__(self) -> None:
+        """Copy, check and freeze the arrays."""
+        _freeze(self, center=3, half_sizes=3, rotation_wxyz=4)
+        _require(self, (self.half_sizes > 0.0).all(), "half_sizes must be positive", self.half_sizes)
+        unit = abs(np.linalg.norm(self.rotation_wxyz) - 1.0) < UNIT_TOLERANCE
+        _require(self, unit, "rotation_wxyz must be of unit length", self.rotation_wxyz)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,8 +80,11 @@ class Plane:
         name: unique name.
         bone: name of the bone that carries it, None for one that stands still in the world.
         point: a point of the plane in the bone's frame [m], shape (3,).
-        normal: unit normal, out of the solid, in the bone's frame, shape (3,).
+        normal: out of the solid, in the bone's frame, of any length, shape (3,).
         friction: Coulomb coefficient against cloth, None for the scene's default.
+
+    Raises:
+        ValueRangeError: a value is out of range.
     """
 
     name: str = "plane"
@@ -68,5 +93,28 @@ class Plane:
     normal: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     friction: float | None = None
 
+    def __post_init__(self) -> None:
+        """Copy, check and freeze the arrays."""
+        _freeze(self, point=3, normal=3)
+        _require(self, np.linalg.norm(self.normal) > 0.0, "the normal must not be zero", self.normal)
+
 
 Collider = Capsule | Sphere | Box | Plane
+
+
+def _freeze(shape: Sphere | Box | Plane, **sizes: int) -> None:
+    """Replace arrays by read-only copies of the given sizes, and check what all shapes have."""
+    for label, size in sizes.items():
+        array = np.array(getattr(shape, label), dtype=float)
+        _require(
+            shape, array.shape == (size,) and np.isfinite(array).all(), f"{label} must be {size} finite numbers", array
+        )
+        array.setflags(write=False)
+        object.__setattr__(shape, label, array)
+    friction = shape.friction
+    _require(shape, friction is None or 0.0 <= friction < math.inf, "friction must be zero or more", friction)
+
+
+def _require(shape: Sphere | Box | Plane, holds: bool | np.bool_, text: str, value: object) -> None:
+    if not holds:
+        raise ValueRangeError(f"{type(shape).__name__.lower()} {shape.name!r}: {text}, not {value}")
