@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 # narrowest ones set the largest stable step.
 WIDER_CELLS = 1.12
 MOST_CELLS = 4000  # along one side; 16 million vertices are more than any machine steps
-SLACK = 1.08  # length of the neckline over that of the way it is worn: room for the shoulders to move
+SLACK = 1.14  # length of the neckline over that of the way it is worn: room for the shoulders to move
 
 Frame = Literal["world", "wearer"]
 
@@ -183,15 +183,18 @@ class Cloth:
 
         Raises:
             UnknownNameError: there is no such region.
-            ValueRangeError: an index is outside of the cloth, or there is none.
+            ValueRangeError: an index is outside of the cloth or no whole number, or there is none.
         """
         if isinstance(vertices, str):
             if vertices not in self.regions:
                 raise UnknownNameError("cloth region", vertices, self.regions)
             return self.regions[vertices]
-        indices = np.asarray(vertices, dtype=np.int64).ravel()
-        if indices.size == 0:
+        given = np.asarray(vertices)
+        if given.size == 0:
             raise ValueRangeError("no vertices given")
+        if given.dtype.kind not in "iu":
+            raise ValueRangeError(f"vertices are given by a region's name or by whole numbers, not by {given.dtype}")
+        indices = given.astype(np.int64).ravel()
         if (outside := (indices < 0) | (indices >= self.vertices)).any():
             raise ValueRangeError(f"vertex {indices[outside][0]} is outside of a cloth of {self.vertices} vertices")
         return indices
@@ -210,7 +213,9 @@ def _require_positive(**sizes: float) -> None:
 def _cells(size: float, spacing: float) -> int:
     cells = max(1, round(min(size / spacing, 1e9)))
     if cells > MOST_CELLS:
-        raise ValueRangeError(f"a spacing of {spacing:g} m is too fine for {size:.2f} m: at most {MOST_CELLS} cells a side")
+        raise ValueRangeError(
+            f"a spacing of {spacing:g} m is too fine for {size:.2f} m: at most {MOST_CELLS} cells a side"
+        )
     return cells
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cape.attach import Attachment
 from cape.cloth import Cloth
@@ -44,11 +45,7 @@ class Scene:
         Raises:
             ValueRangeError: a vertex is attached twice, two colliders share a name, or a value is out of range.
         """
-        held = [a.vertices for a in self.attachments if a.within is None]
-        indices = np.concatenate([*held, np.empty(0, dtype=np.int64)])
-        values, counts = np.unique(indices, return_counts=True)
-        if (counts > 1).any():
-            raise ValueRangeError(f"vertex {values[counts > 1][0]} is attached more than once")
+        require_held_once([a.vertices for a in self.attachments if a.within is None])
         names = [c.name for c in self.colliders]
         doubled = sorted({n for n in names if names.count(n) > 1})
         if doubled:
@@ -66,3 +63,14 @@ class Scene:
         if self.cloth.frame == "wearer":
             used += WEARER_ROLES
         return tuple(dict.fromkeys(used))
+
+
+def require_held_once(held: Sequence[NDArray[np.int64]]) -> None:
+    """Check that no vertex is in two of the attachments' vertices.
+
+    Raises:
+        ValueRangeError: one is.
+    """
+    values, counts = np.unique(np.concatenate([*held, np.empty(0, dtype=np.int64)]), return_counts=True)
+    if (counts > 1).any():
+        raise ValueRangeError(f"vertex {values[counts > 1][0]} is attached more than once")

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from cape.assemble import Assembly, assemble
 from cape.kernels.records import Motion, State
 from cape.measure import Meter, Reading, deepest
-from cape.scene import Scene
+from cape.scene import Scene, require_held_once
 from cape.solvers import Solver, SymplecticEuler
 from cape.wear import WEARER_ROLES, wearer_to_world
 from motions import quaternions
@@ -102,7 +102,7 @@ class Simulation:
 
         Raises:
             UnknownNameError: a bone's pose is missing.
-            ValueRangeError: the pose is not finite, or the cape can't be put on.
+            ValueRangeError: the pose is not finite, the cape can't be put on, or a vertex is held by two bones.
         """
         self._origin = np.zeros(3)
         self._pose = self._read(bones)
@@ -111,6 +111,7 @@ class Simulation:
         self._pose = _moved(self._pose, -self._origin)
         positions = positions - self._origin
         held = [self._held(a, positions) for a in self.scene.attachments]
+        require_held_once(held)
         self._assembly = assemble(self.scene, held, self.solver.dtype)
         self._room = self.solver.init(self._assembly)
         self._state = _at_rest(positions, self.solver.dtype)
@@ -182,6 +183,8 @@ class Simulation:
             raise ValueRangeError(f"a pose of {len(self.bones)} bones is needed: {', '.join(self.bones)}")
         if not (np.isfinite(positions).all() and np.isfinite(rotations).all()):
             raise ValueRangeError("the pose of the bones is not finite")
+        if not np.linalg.norm(rotations, axis=1).all():
+            raise ValueRangeError("the rotation of a bone is a quaternion of zeros")
         return Pose(
             np.concatenate([positions, np.zeros((1, 3))]) - self._origin,
             np.concatenate([quaternions.normalize(rotations), [[1.0, 0.0, 0.0, 0.0]]]),

@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 from cape import (
     FABRICS,
     XPBD,
+    Box,
     Cloth,
     Fabric,
+    Plane,
     Scene,
     Simulation,
     Sphere,
@@ -214,6 +216,8 @@ REFUSED = {
     "region": (lambda: attach(rectangle(), "hand", "collar"), "no cloth region named 'collar'; available: top, bottom"),
     "index": (lambda: attach(rectangle(), "hand", [0, 40]), "vertex 40 is outside of a cloth of 40 vertices"),
     "negative index": (lambda: attach(rectangle(), "hand", [-1, 3]), "vertex -1 is outside of a cloth of 40 vertices"),
+    "mask": (lambda: attach(rectangle(), "hand", np.ones(40, dtype=bool)), "by whole numbers, not by bool"),
+    "fractions": (lambda: attach(rectangle(), "hand", np.array([1.5])), "by whole numbers, not by float64"),
     "no index": (lambda: attach(rectangle(), "hand", []), "no vertices given"),
     "nothing said": (lambda: attach(rectangle(), "hand"), "attach to 'hand': name the vertices, or give a distance"),
     "within 0": (lambda: attach(rectangle(), "hand", within=0), "attach to 'hand': the distance must be positive"),
@@ -231,6 +235,13 @@ REFUSED = {
         "vertex 2 is attached more than once",
     ),
     "doubly named": (lambda: Scene(rectangle(), (), [Sphere(), Sphere()]), "two colliders are named 'sphere'"),
+    "sphere's radius": (lambda: Sphere(radius=0), "sphere 'sphere': the radius must be positive, not 0"),
+    "sphere's centre": (lambda: Sphere(center=np.array([0, math.nan, 0])), "center must be 3 finite numbers"),
+    "sphere's friction": (lambda: Sphere(friction=-1), "sphere 'sphere': friction must be zero or more, not -1"),
+    "flat box": (lambda: Box(half_sizes=np.array([1, 1.0])), "box 'box': half_sizes must be 3 finite numbers"),
+    "box without size": (lambda: Box(half_sizes=np.array([1, 1, 0])), "box 'box': half_sizes must be positive"),
+    "box's rotation": (lambda: Box(rotation_wxyz=np.array([2.0, 0, 0, 0])), "rotation_wxyz must be of unit length"),
+    "plane's normal": (lambda: Plane(normal=np.zeros(3)), "plane 'plane': the normal must not be zero"),
     "gravity": (lambda: Scene(rectangle(), gravity=(0, 0, math.nan)), "gravity must be three finite numbers"),
     "friction": (lambda: Scene(rectangle(), friction=-0.1), "friction must be zero or more and finite, not -0.1"),
     "thickness": (lambda: Scene(rectangle(), thickness=math.inf), "thickness must be zero or more and finite, not inf"),
@@ -291,3 +302,10 @@ def test_within_reach_of_nothing():
     simulation = Simulation(Scene(cloth, [attach(cloth, "hand", "bottom", within=0.2)]))
     with pytest.raises(ValueRangeError, match=r"within 0.2 m of 'hand'; the closest is 0.400 m off"):
         simulation.start(POSE)
+
+
+def test_no_vertex_is_held_by_two_bones():
+    cloth = rectangle()
+    both = Scene(cloth, [attach(cloth, "hand", within=0.15), attach(cloth, "foot", within=0.15)])
+    with pytest.raises(ValueRangeError, match="vertex 0 is attached more than once"):
+        Simulation(both).start({**POSE, "foot": POSE["hand"]})

@@ -87,6 +87,7 @@ def test_nothing_can_be_asked_before_the_start():
 BAD_POSES = {
     "NaN": ({"hand": ([math.nan, 0, 0], UNTURNED)}, ValueRangeError, "the pose of the bones is not finite"),
     "infinite turn": ({"hand": ([0, 0, 0], [math.inf, 0, 0, 0])}, ValueRangeError, "not finite"),
+    "no turn at all": ({"hand": ([0, 0, 0], [0.0, 0, 0, 0])}, ValueRangeError, "a quaternion of zeros"),
     "missing": ({"foot": ([0, 0, 0], UNTURNED)}, UnknownNameError, "no bone named 'hand'; available: foot"),
     "two bones": (Pose(np.zeros((2, 3)), np.tile(UNTURNED, (2, 1))), ValueRangeError, "a pose of 1 bones is needed"),
 }
