@@ -114,6 +114,7 @@ def _contacts(scene: Scene, free: NDArray[np.bool_]) -> Contacts:
             friction=_friction(scene, capsules),
             placed=np.zeros((len(capsules), 8)),
             near=np.zeros((blocks, len(capsules) + 1), dtype=np.int64),
+            touched=np.zeros(BLOCK, dtype=np.int64),
         )
         if capsules
         else None,

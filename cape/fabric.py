@@ -24,7 +24,7 @@ class Fabric:
     stretch: float = 2000.0
     shear: float = 200.0
     bend: float = 1e-5
-    damping_time: float = 2e-5
+    damping_time: float = 1e-5
     bend_damping_time: float = 2e-3
 
     def __post_init__(self) -> None:

@@ -5,8 +5,8 @@ from cape.kernels.contact import collide_boxes, collide_capsules, collide_planes
 from cape.kernels.grid import add_air_forces, air_forces
 from cape.kernels.jit import driver
 
-NEAR_EVERY = 8  # substeps between two searches for near capsules
-SLACK = 0.005  # m that a vertex may move in that time beyond what its speed at the search tells
+NEAR_EVERY = 16  # substeps between two searches for near capsules
+SLACK = 0.01  # m that a vertex may move in that time beyond what its speed at the search tells
 
 
 @driver
@@ -39,8 +39,8 @@ def collide(s, free, thickness, capsules, planes, boxes, m, substep, step):
                 capsules.bones, m.positions, m.velocity, m.spin, NEAR_EVERY * step, SLACK, capsules.near,
             )  # fmt: skip
         collide_capsules(
-            free, s.x, s.y, s.z, s.vx, s.vy, s.vz, capsules.near, capsules.bones, capsules.placed, capsules.radius,
-            capsules.friction, thickness, step, m.positions, m.velocity, m.spin,
+            free, s.x, s.y, s.z, s.vx, s.vy, s.vz, capsules.near, capsules.touched, capsules.bones, capsules.placed,
+            capsules.radius, capsules.friction, thickness, step, m.positions, m.velocity, m.spin,
         )  # fmt: skip
     if boxes is not None:
         collide_boxes(

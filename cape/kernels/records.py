@@ -98,7 +98,7 @@ class Air(NamedTuple):
 
 class Capsules(NamedTuple):
     """Capsules by bone (C,), ends in the bone's frame [m] (C, 3), radius [m] and friction (C,); room for where
-    they are in the world (C, 8) and for the capsules near each block of vertices (blocks, C + 1)."""
+    they are in the world (C, 8), for those near each block of vertices (blocks, C + 1) and for a block (BLOCK,)."""
 
     bones: Indices
     starts: Array
@@ -107,6 +107,7 @@ class Capsules(NamedTuple):
     friction: Array
     placed: Array
     near: Indices
+    touched: Indices
 
 
 class Planes(NamedTuple):

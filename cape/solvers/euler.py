@@ -38,7 +38,7 @@ class SymplecticEuler(Solver):
     """
 
     name: ClassVar[str] = "euler"
-    margin: float = 0.85
+    margin: float = 0.9
 
     def __post_init__(self) -> None:
         """Check the settings.
