@@ -31,9 +31,8 @@ def grid_points(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 def belongs(offset_columns: int, offset_rows: int) -> np.ndarray:
     """Whether the vertex that far from each is on the grid, shape (N,)."""
     row, column = np.divmod(np.arange(N), COLUMNS)
-    return (
-        (column + offset_columns < COLUMNS) & (column + offset_columns >= 0) & (row + offset_rows < ROWS)
-    )  # fmt: skip
+    column, row = column + offset_columns, row + offset_rows
+    return (column >= 0) & (column < COLUMNS) & (row < ROWS)
 
 
 @pytest.mark.parametrize(("across", "down"), [(1, 0), (0, 1), (1, 1), (-1, 1)])
@@ -82,9 +81,7 @@ def test_air_forces(rng: np.random.Generator):
     wind, density, drag, lift = np.array([1.0, -2.0, 0.5]), 1.2, 1.1, 0.6
     cells = belongs(1, 1).astype(float)
     room, forces = np.zeros((6, N)), np.zeros((3, N))
-    grid.air_forces(
-        COLUMNS, *p, *v, cells, *wind, 1 / 3, density * drag / 12, density * lift / 12, 1e-12, *room
-    )  # fmt: skip
+    grid.air_forces(COLUMNS, *p, *v, cells, *wind, 1 / 3, density * drag / 12, density * lift / 12, 1e-12, *room)
     for axis in range(3):
         grid.add_air_forces(COLUMNS, room[axis], room[3 + axis], forces[axis])
     expected = np.zeros((3, N))
