@@ -183,12 +183,12 @@ def collide_capsules(
     """Keep the free vertices out of all near capsules.
 
     Where capsules overlap, leaving one may mean entering another: each vertex that touches any is led around all near
-    ones until none is violated, or `PASSES` times. `touched` (BLOCK,) is room.
+    ones until none is violated, or `PASSES` times. `touched` (BLOCK,) is room for a mark of each.
     """
     for block in range(near.shape[0]):
         lo = block * BLOCK
         hi = min(lo + BLOCK, x.size)
-        count = 0
+        touched[:] = 0
         for k in range(near[block, 0]):
             c = near[block, k + 1]
             reach = radius[c] + thickness
@@ -199,13 +199,12 @@ def collide_capsules(
                     leave_capsule(
                         i, c, reach, bones, placed, friction, step, positions, velocity, spin, x, y, z, vx, vy, vz
                     )  # fmt: skip
-                    if count < BLOCK:
-                        touched[count] = i
-                        count += 1
+                    touched[i - lo] = 1
         if near[block, 0] < 2:
             continue
-        for t in range(count):
-            i = touched[t]
+        for i in range(lo, hi):
+            if touched[i - lo] == 0:
+                continue
             for _ in range(PASSES):
                 clear = True
                 for k in range(near[block, 0]):
