@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 # narrowest ones set the largest stable step.
 WIDER_CELLS = 1.12
 MOST_CELLS = 4000  # along one side; 16 million vertices are more than any machine steps
-SLACK = 1.14  # length of the neckline over that of the way it is worn: room for the shoulders to move
+SLACK = 1.1  # length of the neckline over that of the way it is worn: room for the shoulders to move
 
 Frame = Literal["world", "wearer"]
 
@@ -88,10 +88,10 @@ class Cloth:
         cls,
         *,
         length: float = 1.1,
-        flare: float = 1.8,
-        spacing: float = 0.02,
+        flare: float = 2.0,
+        spacing: float = 0.021,
         shoulder_width: float = 0.36,
-        hem_layers: float = 3.0,
+        hem_layers: float = 5.0,
         fabric: Fabric | None = None,
     ) -> "Cloth":
         """Cut a cape: an annular sector whose inner edge lies around the back of the neck, from shoulder to shoulder.
@@ -245,10 +245,10 @@ def _grid_regions(rows: int, columns: int) -> dict[str, NDArray[np.int64]]:
 def _neckline(shoulder_width: float) -> FloatArray:
     """Trace a fine curve from the front of the left shoulder behind the neck to the right one, shape (n, 3) [m].
 
-    An arc of 120 degrees of an ellipse, in the wearer's frame.
+    An arc of 140 degrees of an ellipse, in the wearer's frame.
     """
-    angle = np.radians(np.linspace(60.0, -60.0, 721))
-    half_width, depth = 0.42 * shoulder_width, 0.28 * shoulder_width
+    angle = np.radians(np.linspace(70.0, -70.0, 721))
+    half_width, depth = 0.48 * shoulder_width, 0.3 * shoulder_width
     return np.stack(
         [-depth * np.cos(angle), half_width * np.sin(angle), np.full_like(angle, 0.16 * shoulder_width)], axis=1
     )

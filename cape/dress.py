@@ -29,8 +29,8 @@ def dress(
     track: BoneTrack,
     *,
     length: float | None = None,
-    flare: float = 1.8,
-    spacing: float = 0.02,
+    flare: float = 2.0,
+    spacing: float = 0.021,
     fabric: Fabric | None = None,
     wind: Wind | None = None,
 ) -> Scene:
