@@ -87,8 +87,8 @@ def test_colliding_takes_every_free_vertex_out(rng: np.random.Generator, count: 
     size, thickness, step, radius = 3 * contact.BLOCK - 5, 0.02, 0.01, np.full(count, 0.5)
     placed = np.zeros((count, 8))
     placed[:, 0] = placed[:, 3] = np.array([0.0, 0.2, 0.75])[:count]
-    p, u = rng.uniform(-0.4, 0.4, (3, size)), np.zeros((3, size))
-    p[0] += rng.choice([0.1, 0.7], size)
+    p, u = rng.uniform(-0.1, 0.1, (3, size)), np.zeros((3, size))
+    p[0] += rng.choice([0.1, 0.71], size)
     free = rng.uniform(size=size) < 0.9
     near = np.tile(np.array([count, *range(count)]), (-(-size // contact.BLOCK), 1))
     still, owner, friction = np.zeros((1, 3)), np.zeros(count, dtype=np.int64), np.full(count, 0.3)
