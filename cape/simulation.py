@@ -68,21 +68,19 @@ class Simulation:
         Raises:
             ValueRangeError: the simulation has not been started.
         """
-        if self._assembly is None:
-            raise ValueRangeError("the simulation has not been started: call start with the first pose of the bones")
-        return self._assembly
+        return self._require_started()
 
     @property
     def positions(self) -> FloatArray:
         """Positions of the vertices in the world [m], shape (V, 3)."""
-        assert self.assembly is not None
-        return np.stack([self._state.x, self._state.y, self._state.z], axis=1).astype(float) + self._origin
+        self._require_started()
+        return np.stack(self._state[:3], axis=1).astype(float) + self._origin
 
     @property
     def velocities(self) -> FloatArray:
         """Velocities of the vertices [m/s], shape (V, 3)."""
-        assert self.assembly is not None
-        return np.stack([self._state.vx, self._state.vy, self._state.vz], axis=1).astype(float)
+        self._require_started()
+        return np.stack(self._state[3:], axis=1).astype(float)
 
     def start(
         self,
@@ -173,6 +171,11 @@ class Simulation:
     def read(self, meter: Meter) -> Reading:
         """Measure the cloth as it is now."""
         return meter.read(self._state, self._pose.positions, self._pose.rotations_wxyz)
+
+    def _require_started(self) -> Assembly:
+        if self._assembly is None:
+            raise ValueRangeError("the simulation has not been started: call start with the first pose of the bones")
+        return self._assembly
 
     def _read(self, bones: "Mapping[str, tuple[ArrayLike, ArrayLike]] | Pose") -> Pose:
         """Check a pose and add the world as the last bone."""

@@ -63,7 +63,8 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
-    dispatcher: Any = njit(nogil=True, cache=True, _nrt=False, error_model="numpy", **options)(function)
+    settings: dict[str, Any] = {"nogil": True, "cache": True, "_nrt": False, "error_model": "numpy", **options}
+    dispatcher: Any = njit(**settings)(function)
     if dispatcher is function:  # as it is with the compiler off (NUMBA_DISABLE_JIT=1)
         return function
     # numba looks at the function's own file alone, and would go on with stale code after a change in another one.
