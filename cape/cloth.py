@@ -89,7 +89,7 @@ class Cloth:
         *,
         length: float = 1.1,
         flare: float = 2.0,
-        spacing: float = 0.021,
+        spacing: float = 0.024,
         shoulder_width: float = 0.36,
         hem_layers: float = 5.0,
         fabric: Fabric | None = None,

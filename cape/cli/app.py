@@ -34,7 +34,9 @@ def replay(
     clip: Clip = "walk",
     output: Output = None,
     fabric: Annotated[str, typer.Option(help="Name of a fabric.")] = "cape",
-    spacing: Annotated[float, typer.Option(help="Mean distance of the cloth's vertices [m].")] = 0.021,
+    spacing: Annotated[
+        float | None, typer.Option(help="Mean distance of the cloth's vertices [m]; by default for 1,500 of them.")
+    ] = None,
     length: Annotated[float | None, typer.Option(help="Length of the cape [m]; by default to the shins.")] = None,
     solver: Annotated[str, typer.Option(help="euler or xpbd.")] = "euler",
     substeps: Annotated[int | None, typer.Option(help="Steps per frame; by default as many as needed.")] = None,

@@ -28,7 +28,7 @@ class Cut:
     """The cape and how to simulate it, as asked on the command line."""
 
     fabric: str
-    spacing: float
+    spacing: float | None
     length: float | None
     solver: str
     substeps: int | None
