@@ -17,7 +17,8 @@ class Fabric:
         bend: bending moment per width and curvature [N m].
         damping_time: ratio of damping to stiffness of the springs [s]: a mode of angular frequency w is damped at the
             ratio damping_time w / 2, so that the shape of the motion stays and only the rattle of the threads goes.
-        bend_damping_time: the same for bending [s].
+        bend_damping_time: the same for bending [s]; like any force on second differences it also brakes, a little, a
+            bent cloth that turns as a whole.
     """
 
     density: float = 0.2

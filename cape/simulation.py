@@ -103,7 +103,7 @@ class Simulation:
             UnknownNameError: a bone's pose is missing.
             ValueRangeError: the pose is not finite, the cape can't be put on, or a vertex is held by two bones.
         """
-        self._origin = np.zeros(3)
+        self._assembly, self._origin = None, np.zeros(3)
         self._pose = self._read(bones)
         positions = self._placed_cloth()
         self._origin = np.round(positions.mean(axis=0))

@@ -35,7 +35,7 @@ class Take:
         compile_s: time spent on compiling before the first step [s].
         settle_s: time spent on putting the cloth on and letting it settle before the first frame [s].
         solve_s: time spent on the steps of the F frames [s].
-        result: "finished", "finished with warnings" or "diverged at frame N".
+        result: "finished", "finished with warnings", "diverged at frame N", or "stopped at frame N" by the user.
         warnings: what to look at, a sentence each.
     """
 

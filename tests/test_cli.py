@@ -118,7 +118,7 @@ def test_replay_prints_a_table(tmp_path):
 def test_options_reach_the_simulation(tmp_path):
     base = ["replay", "walk", "--end", "0.2", "--json", "-o", "out.rrd"]
     plain = json.loads(cape(*base, folder=tmp_path).stdout)
-    coarse = json.loads(cape(*base, "--spacing", "0.04", "--fabric", "denim", folder=tmp_path).stdout)
+    coarse = json.loads(cape(*base, "--spacing", "0.05", "--fabric", "denim", folder=tmp_path).stdout)
     assert coarse["vertices"] < plain["vertices"] / 3
     assert coarse["substeps"] < plain["substeps"]
     short = json.loads(cape(*base, "--length", "0.5", "--fps", "30", folder=tmp_path).stdout)
