@@ -3,6 +3,7 @@
 from cape.attach import Attachment, attach
 from cape.cloth import Cloth
 from cape.colliders import Box, Collider, Plane, Sphere
+from cape.dress import dress
 from cape.fabric import FABRICS, Fabric, fabric
 from cape.scene import Scene
 from cape.simulate import simulate
@@ -35,6 +36,7 @@ __all__ = [
     "UserError",
     "Wind",
     "attach",
+    "dress",
     "fabric",
     "simulate",
     "solver",

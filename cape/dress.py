@@ -1,6 +1,5 @@
 """A character's own cape: cut to its measures, held by its shoulders, kept out by its limbs and its floor."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -8,12 +7,10 @@ import numpy as np
 
 from cape.attach import attach
 from cape.cloth import Cloth
-from cape.colliders import Collider, Plane
 from cape.fabric import Fabric
+from cape.ground import floor_under
 from cape.scene import Scene
 from cape.wind import Wind
-from motions import quaternions
-from skeleton.capsules import Capsule
 from skeleton.track import BoneTrack
 
 if TYPE_CHECKING:
@@ -67,26 +64,10 @@ def dress(
 
 def _with_floor(scene: Scene, track: BoneTrack) -> Scene:
     """Add the floor that the character stands on, if the cape can reach it."""
-    capsules = [c for c in scene.colliders if isinstance(c, Capsule)]
-    floor = lowest(capsules, track)
+    floor = floor_under(scene.colliders, track)
     holds = [track.index(a.bone) for a in scene.attachments]
     lowest_hold = float(track.positions[:, holds, 2].min())
     reach = float(np.linalg.norm(scene.cloth.pattern - scene.cloth.pattern[0], axis=1).max())
-    if lowest_hold - floor > reach:
+    if lowest_hold - floor.point[2] > reach:
         return scene
-    plane: Collider = Plane(name="floor", point=np.array([0.0, 0.0, floor]))
-    return replace(scene, colliders=(*scene.colliders, plane))
-
-
-def lowest(capsules: Sequence[Capsule], track: BoneTrack) -> float:
-    """Height of the lowest point that capsules reach over a motion, all but the lowest 2 % of frames [m]."""
-    heights = [np.full(track.frames, np.inf)]
-    for capsule in capsules:
-        if capsule.bone is None:
-            continue
-        bone = track.index(capsule.bone)
-        for end in (capsule.start, capsule.end):
-            turned = quaternions.rotate(track.rotations_wxyz[:, bone], np.broadcast_to(end, (track.frames, 3)))
-            heights.append(track.positions[:, bone, 2] + turned[:, 2] - capsule.radius)
-    lowest_points = np.min(heights, axis=0)
-    return float(np.quantile(lowest_points, 0.02)) if np.isfinite(lowest_points).all() else 0.0
+    return replace(scene, colliders=(*scene.colliders, floor))

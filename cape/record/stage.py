@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.colliders import Collider, Plane
+from cape.ground import floor_under
 from cape.record.frames import Frames, send_once
 from cape.record.layers import drawn_links
 from cape.record.poses import from_z_axis
@@ -80,11 +81,13 @@ def skeleton_height(bones: BoneTrack, frames: Frames) -> float:
 
 
 def log_floor(stream: rr.RecordingStream, bones: BoneTrack, colliders: Sequence[Collider], frames: Frames) -> None:
-    """Put a chequered ground on `/world/floor`: the first plane that stands still, or z = 0 where there is none."""
+    """Put a chequered ground on `/world/floor`: the first plane that stands still, or else under the body's feet."""
     import rerun as rr
 
     planes = [collider for collider in colliders if isinstance(collider, Plane) and collider.bone is None]
-    vertices, triangles, colors = ground(bones.positions[frames.numbers], planes[0] if planes else Plane())
+    vertices, triangles, colors = ground(
+        bones.positions[frames.numbers], planes[0] if planes else floor_under(colliders, bones)
+    )
     # Without normals a mesh isn't lit, so that the ground's rim is exactly the background's colour.
     floor = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, vertex_colors=colors)
     send_once(stream, "/world/floor", floor)
