@@ -10,6 +10,7 @@ from cape.cloth import Cloth
 from cape.fabric import Fabric
 from cape.ground import floor_under
 from cape.scene import Scene
+from cape.wear import WEARER_ROLES
 from cape.wind import Wind
 from skeleton.track import BoneTrack
 
@@ -56,10 +57,9 @@ def dress(
         fabric=fabric,
     )
     shoulders = [attach(cloth, f"{side}_shoulder", f"top_{side}") for side in ("left", "right")]
-    scene = Scene(cloth, shoulders, body.capsules(), wind=wind or Wind())
-    for role in scene.bones:
-        track.index(role)
-    return _with_floor(scene, track)
+    for role in (*(a.bone for a in shoulders), *WEARER_ROLES):
+        body.role(role)  # says how to name a bone by hand where none is found
+    return _with_floor(Scene(cloth, shoulders, body.capsules(), wind=wind or Wind()), track)
 
 
 def _with_floor(scene: Scene, track: BoneTrack) -> Scene:
