@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -198,10 +198,6 @@ class Cloth:
         if (outside := (indices < 0) | (indices >= self.vertices)).any():
             raise ValueRangeError(f"vertex {indices[outside][0]} is outside of a cloth of {self.vertices} vertices")
         return indices
-
-    def with_fabric(self, fabric: Fabric) -> "Cloth":
-        """Give the same cloth made of another fabric."""
-        return replace(self, fabric=fabric)
 
 
 def _require_positive(**sizes: float) -> None:

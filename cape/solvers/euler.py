@@ -28,9 +28,8 @@ class EulerRoom(NamedTuple):
 class SymplecticEuler(Solver):
     """Explicit mass-spring dynamics, first order in time, without numerical damping.
 
-    The step must stay below a bound given by the stiffest spring and lightest vertex (`stability.largest_step`). At the
-    stiffness of real fabric the bound is near 0.2 ms, where the method is more accurate than others at their usual
-    steps; beyond about 100 kN/m it becomes dear.
+    The step must stay below a bound given by the stiffest spring and lightest vertex (`stability.largest_step`); it
+    shrinks with the square root of the stiffness, so that very stiff cloth becomes dear.
 
     Attributes:
         margin: share of the largest stable step of the cloth at rest that is used; the rest is for what motion and
