@@ -1,0 +1,120 @@
+"""Threads that share a cloth: which vertices are a rank's own, and how it waits until the others are as far.
+
+All ranks of a team run the same compiled function without the interpreter's lock, each on its own vertices, and meet
+between what one writes and another reads. With `team` None there is one thread: `span` is all vertices, `meet` nothing.
+
+The barrier is the flag array of Mellor-Crummey and Scott, "Algorithms for scalable synchronization on shared-memory
+multiprocessors" (ACM TOCS 9, 1991), section 3, in its flat form: each rank counts its meetings in a word of its own and
+reads those of the others. Without any locked instruction a meeting of two costs what a cache line takes from core to
+core; the number of lines read grows with the square of the ranks, which suits the few that a cloth can feed.
+"""
+
+import sys
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from cape.kernels.contact import BLOCK
+from cape.kernels.jit import driver, inlined
+
+LINE = 16  # words between two ranks' counts: 128 bytes, the pair of cache lines that a core fetches together
+GONE = 2**62  # count of a rank that is done, or never came: nobody waits for it
+SPINS = 200  # looks at a count, some 7 us, before the core is offered to other threads; more only helps where none wait
+
+
+@inlined
+def span(n, team):
+    """First vertex of this rank and the one after its last, of n; whole blocks of 64, so that vector loops are whole.
+
+    Ranks may have no vertices at all.
+    """
+    if team is None:
+        return 0, n
+    blocks = (n + BLOCK - 1) // BLOCK
+    lo = team.rank * blocks // team.size * BLOCK
+    hi = (team.rank + 1) * blocks // team.size * BLOCK
+    return min(lo, n), min(hi, n)
+
+
+@driver
+def meet(team):
+    """Wait until every rank of the team has come here; what each wrote before is then seen by all.
+
+    Call it from a `driver` alone, where all ranks pass by equally often: within a `kernel` arrays are promised to
+    change by that kernel's own hand only, and LLVM would keep old values across the meeting.
+    """
+    if team is None:
+        return
+    mine = team.rank * LINE
+    count = team.arrivals[mine] + 1
+    store_release(team.arrivals, mine, count)  # pyright: ignore[reportCallIssue]
+    for rank in range(team.size):
+        spins = 0
+        while load_acquire(team.arrivals, rank * LINE) < count:
+            spins += 1
+            if spins < SPINS:
+                pause()
+            else:
+                yield_core()
+
+
+@intrinsic
+def load_acquire(typingctx, words, index):
+    """Read `words[index]`; nothing that follows happens before."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.load_atomic(_address(context, builder, signature, arguments), "acquire", align=8)
+
+    return types.int64(words, types.int64), generate
+
+
+@intrinsic
+def store_release(typingctx, words, index, value):
+    """Set `words[index]`; nothing that precedes happens after."""
+
+    def generate(context, builder, signature, arguments):
+        address = _address(context, builder, signature, arguments)
+        builder.store_atomic(arguments[2], address, "release", align=8)
+        return context.get_dummy_value()
+
+    return types.void(words, types.int64, types.int64), generate
+
+
+@intrinsic
+def pause(typingctx):
+    """Tell the core that this thread only waits, where it has an instruction for that."""
+
+    def generate(context, builder, signature, arguments):
+        machine = builder.module.triple.split("-")[0]
+        if machine == "x86_64":
+            _call(builder, "llvm.x86.sse2.pause", ir.VoidType())
+        elif machine in ("aarch64", "arm64"):
+            _call(builder, "llvm.aarch64.hint", ir.VoidType(), ir.Constant(ir.IntType(32), 1))
+        return context.get_dummy_value()
+
+    return types.void(), generate
+
+
+@intrinsic
+def yield_core(typingctx):
+    """Let another thread run on this core, by the system's `sched_yield` (POSIX.1-2017)."""
+
+    def generate(context, builder, signature, arguments):
+        if sys.platform != "win32":
+            _call(builder, "sched_yield", ir.IntType(32))
+        return context.get_dummy_value()
+
+    return types.void(), generate
+
+
+def _address(context, builder, signature, arguments):
+    """Where the word of a contiguous array is that the first two arguments name."""
+    words = context.make_array(signature.args[0])(context, builder, arguments[0])
+    return builder.gep(words.data, [arguments[1]])
+
+
+def _call(builder, name, result, *arguments):
+    kind = ir.FunctionType(result, [argument.type for argument in arguments])
+    builder.call(cgutils.get_or_insert_function(builder.module, kind, name), arguments)
