@@ -1,0 +1,248 @@
+"""Implicit solvers for what explicit steps cannot reach: backward Euler and TR-BDF2."""
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape import team
+from cape.assemble import Assembly, force_model, force_scratch, inertia_of
+from cape.cloth import GridCloth
+from cape.kernels.conjugate import CHUNK
+from cape.kernels.implicit import backward_euler_frame, tr_bdf2_frame
+from cape.kernels.records import ForceModel, Motion, State, Team
+from cape.solvers.base import Solver
+from motions.errors import ValueRangeError
+
+Array = NDArray[np.floating]
+
+
+class Matrix(NamedTuple):
+    """What the matrix of a Newton step is made of, as in `kernels.stiffness`: vectors and rows of length L.
+
+    `springs` holds w and c of each spring (4 F, L); `bends` the couplings of a vertex with the next ones and the second
+    next along each family [N/m] (2 K, L), None without bends; `bend_diagonal` [N/m], `mass` [kg] and `free`, 0 for
+    attached vertices, (L,); `own` blocks (6, L); `inverse_mass` [1/kg] (N,), zero for attached vertices.
+    """
+
+    front: int
+    springs: Array
+    bends: Array | None
+    bend_diagonal: Array
+    mass: Array
+    free: Array
+    own: Array
+    inverse_mass: Array
+
+
+class Work(NamedTuple):
+    """Room that threads share: stage data (6, N), positions before a Newton step (3, N), forces (3, N), blocks (6, L),
+    vectors of the conjugate gradients (5, 3, L), and sums; `scratch` is this thread's own."""
+
+    start: Array
+    target: Array
+    old: Array
+    forces: Array
+    inverse: Array
+    vectors: Array
+    terms: Array
+    sums: Array
+    largest: Array
+    scratch: Array
+
+
+class Settings(NamedTuple):
+    """See `ImplicitSolver`."""
+
+    tolerance: float
+    iterations: int
+    forcing: float
+    linear_iterations: int
+
+
+class ImplicitRoom(NamedTuple):
+    """What the steps of a run share; of `scratch`, `works` and `counts` each thread has its own."""
+
+    model: ForceModel
+    gravity: Array
+    scratch: tuple[Array | None, ...]
+    matrix: Matrix
+    works: tuple[Work, ...]
+    counts: NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImplicitSolver(Solver):
+    """What the implicit solvers share: stable at any step and stiffness, at the price of a system of equations.
+
+    Each stage is solved by Newton's method, each of its linear systems by conjugate gradients with the inverse of each
+    vertex's own 3x3 block as preconditioner.
+
+    Attributes:
+        tolerance: a stage is solved when no vertex is corrected by more than this [m]; what is left is far less, as
+            Newton's method converges faster than linearly.
+        iterations: Newton steps at most in a stage.
+        forcing: residual of a linear system, relative to its right hand side, at which it is solved well enough.
+        linear_iterations: of the conjugate gradients, at most in a Newton step.
+    """
+
+    tolerance: float = 1e-4
+    iterations: int = 12
+    forcing: float = 0.1
+    linear_iterations: int = 500
+
+    def __post_init__(self) -> None:
+        """Check the settings.
+
+        Raises:
+            ValueRangeError: a setting is out of range.
+        """
+        super().__post_init__()
+        if not 0.0 < self.tolerance < math.inf:
+            raise ValueRangeError(f"tolerance must be positive and finite, not {self.tolerance}")
+        if not 0.0 < self.forcing < 1.0:
+            raise ValueRangeError(f"forcing must be above 0 and below 1, not {self.forcing}")
+        for name in ("iterations", "linear_iterations"):
+            if getattr(self, name) < 1:
+                raise ValueRangeError(f"{name} must be 1 or more, not {getattr(self, name)}")
+
+    @property
+    @abstractmethod
+    def _frame(self) -> Callable[..., Any]:
+        """The compiled function that advances a frame."""
+
+    @property
+    @abstractmethod
+    def _steps(self) -> int:
+        """Steps in a frame of a 60th of a second where none are asked for."""
+
+    def init(self, assembly: Assembly) -> ImplicitRoom:
+        """Lay out the matrix and the room for its products."""
+        dtype, count = self.dtype(assembly), assembly.cloth.vertices
+        matrix = matrix_of(assembly, dtype)
+        chunks, size = -(-count // CHUNK), matrix.mass.size
+        shared = Work(
+            start=np.zeros((6, count), dtype),
+            target=np.zeros((6, count), dtype),
+            old=np.zeros((3, count), dtype),
+            forces=np.zeros((3, count), dtype),
+            inverse=np.zeros((6, size), dtype),
+            vectors=np.zeros((5, 3, size), dtype),
+            terms=np.zeros(size, dtype),
+            sums=np.zeros((3, chunks)),
+            largest=np.zeros(chunks),
+            scratch=np.zeros((3, size), dtype),
+        )
+        ranks = len(assembly.ranks)
+        return ImplicitRoom(
+            model=force_model(assembly, dtype),
+            gravity=inertia_of(assembly, dtype).gravity,
+            scratch=force_scratch(assembly, dtype),
+            matrix=matrix,
+            works=tuple(shared._replace(scratch=np.zeros((3, size), dtype)) for _ in range(ranks)),
+            counts=np.zeros((ranks, 4), dtype=np.int64),
+        )
+
+    def choose_substeps(self, room: ImplicitRoom, duration: float) -> int:
+        """Number of steps in a frame of `duration` [s]: as asked, or in proportion to those at 60 Hz."""
+        return self.substeps or max(1, math.ceil(self._steps * 60.0 * duration - 1e-6))
+
+    def step(
+        self,
+        assembly: Assembly,
+        room: ImplicitRoom,
+        state: State,
+        motion: Motion,
+        *,
+        duration: float,
+        substeps: int,
+        threads: int = 1,
+    ) -> int:
+        """Advance `state` in place by a frame of `duration` [s].
+
+        Returns:
+            How many stages were left with a correction above the tolerance.
+        """
+        room.counts[:] = 0
+        settings = Settings(self.tolerance, self.iterations, self.forcing, self.linear_iterations)
+
+        def arguments(member: Team | None) -> tuple:
+            rank = 0 if member is None else member.rank
+            own = assembly.ranks[rank]
+            return (
+                state, room.model, room.gravity, room.scratch[rank], room.matrix, room.works[rank], settings,
+                room.counts[rank], motion, own.room, assembly.attached, *own.contacts, substeps, duration, member,
+            )  # fmt: skip
+
+        team.run(self._frame, arguments, threads)
+        return int(room.counts[0, 0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class BackwardEuler(ImplicitSolver):
+    """Backward Euler: first order, L-stable, damps whatever is faster than its steps and some of what is slower."""
+
+    name: ClassVar[str] = "backward_euler"
+
+    @property
+    def _frame(self) -> Callable[..., Any]:
+        return backward_euler_frame
+
+    @property
+    def _steps(self) -> int:
+        return 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class TRBDF2(ImplicitSolver):
+    """TR-BDF2: second order and L-stable, of two stages a step (Bank et al. 1985; Hosea and Shampine 1996)."""
+
+    name: ClassVar[str] = "tr_bdf2"
+
+    @property
+    def _frame(self) -> Callable[..., Any]:
+        return tr_bdf2_frame
+
+    @property
+    def _steps(self) -> int:
+        return 4
+
+
+def matrix_of(assembly: Assembly, dtype: type[np.floating]) -> Matrix:
+    """Lay out the matrix of a cloth; see `kernels.stiffness`."""
+    springs, cloth = assembly.springs, assembly.cloth
+    count = cloth.vertices
+    front = 0
+    if isinstance(cloth, GridCloth):
+        front = -(-2 * (cloth.columns + 1) // CHUNK) * CHUNK
+    size = front + -(-count // CHUNK) * CHUNK + front
+
+    def padded(values: NDArray[Any], outside: float = 0.0) -> Array:
+        rows = np.full((*values.shape[:-1], size), outside, dtype)
+        rows[..., front : front + count] = values
+        return rows
+
+    diagonal = np.zeros(count)
+    bends, families = None, springs.families
+    members, coefficients = springs.bend_vertices, springs.bend_coefficients
+    np.add.at(diagonal, members, springs.bend_stiffness[:, None] * coefficients**2)
+    if families is not None and len(springs.bend_stiffness):
+        rows = []
+        for offset, stiffness in zip(families.bend_offsets, families.bend_stiffness, strict=True):
+            ends = np.concatenate([np.zeros(offset), stiffness[: count - offset]])
+            rows += [-2.0 * (stiffness + ends), stiffness]
+        bends = padded(np.stack(rows))
+    return Matrix(
+        front=front,
+        springs=np.zeros((4 * 4, size), dtype),
+        bends=bends,
+        bend_diagonal=padded(diagonal),
+        mass=padded(assembly.mass, 1.0),
+        free=padded(assembly.free),
+        own=np.zeros((6, size), dtype),
+        inverse_mass=assembly.inverse_mass.astype(dtype),
+    )
