@@ -1,0 +1,198 @@
+"""One compiled function on several threads at once, and how many cores there are for that.
+
+Numba's own threading layers abort or hang when several Python threads enter them. Here the calling thread is one of the
+team, the others are kept between calls, and whoever finds them busy works alone, with the same bits as result.
+"""
+
+import math
+import os
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+import numpy as np
+from numba import _dispatcher, config  # pyright: ignore[reportAttributeAccessIssue]
+from numba.core.dispatcher import Dispatcher
+from numpy.typing import NDArray
+
+from cape.kernels.records import Team
+from cape.kernels.team import GONE, LINE
+
+Arguments = Callable[[Team | None], tuple[Any, ...]]
+
+CONTROL_GROUPS = Path("/sys/fs/cgroup")
+OWN_GROUPS = Path("/proc/self/cgroup")
+
+
+def run(frame: Callable[..., Any], arguments: Arguments, size: int) -> int:
+    """Call `frame` on `size` threads at once, each time with what `arguments` gives for that thread's `Team`.
+
+    All arguments are made on the calling thread, which is rank 0, and compiled for before any rank sets out. There is
+    one team at a time in a process: while it works, other callers, and what its own ranks call, run on one thread.
+
+    Args:
+        frame: what all ranks call; it must let other threads go on (`nogil`), and meet equally often in all ranks.
+        arguments: what to call it with; called with None for a single thread.
+        size: number of ranks. More than `available_cores` are right, but slow.
+
+    Returns:
+        The number of threads that it ran on.
+
+    Raises:
+        BaseException: what a rank raised, or an interrupt, once all ranks are done; what they wrote is then invalid.
+        RuntimeError: the ranks met unequally often, so that what they wrote is invalid.
+    """
+    crew = _crew
+    if size <= 1 or config.DISABLE_JIT or crew.working.locked():  # pyright: ignore[reportAttributeAccessIssue]
+        frame(*arguments(None))
+        return 1
+    # Two that found it free go one after the other. `with` cannot be interrupted between the lock and what frees it.
+    with crew.working:
+        crew.work(frame, arguments, size)
+    return size
+
+
+def available_cores() -> int:
+    """Number of cores that this process may keep busy: by its affinity, and by the quota of its control groups."""
+    allowed = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+    return max(1, math.floor(min(allowed, cpu_quota(CONTROL_GROUPS, OWN_GROUPS))))
+
+
+def cpu_quota(mount: Path, own_groups: Path) -> float:
+    """Cores' worth of time that Linux grants to the control groups around this process, infinite without a limit.
+
+    Args:
+        mount: where control groups are mounted, version 2 or version 1.
+        own_groups: the file that names those of this process, as /proc/self/cgroup does.
+    """
+    limits = [_ratio(mount / "cpu/cpu.cfs_quota_us", mount / "cpu/cpu.cfs_period_us")]
+    for line in own_groups.read_text().splitlines() if own_groups.exists() else []:
+        if line.startswith("0::/"):
+            group = Path(line.removeprefix("0::/"))
+            limits += [_ratio(mount / inner / "cpu.max") for inner in (group, *group.parents)]
+    return min(limits)
+
+
+def _ratio(*files: Path) -> float:
+    """Quota over period [us/us] from the words in files; a quota of "max" or -1, or no such file, is no limit."""
+    if not all(file.exists() for file in files):
+        return math.inf
+    quota, period = " ".join(file.read_text() for file in files).split()
+    return math.inf if quota in ("max", "-1") else int(quota) / int(period)
+
+
+class _Crew:
+    """The threads that help the calling ones; they end with the process, whatever they wait for."""
+
+    def __init__(self) -> None:
+        self.working = threading.Lock()
+        self._inboxes: list[SimpleQueue[_Share]] = []
+        self._compiled: set[tuple[Callable[..., Any], bytes]] = set()
+
+    def work(self, frame: Callable[..., Any], arguments: Arguments, size: int) -> None:
+        """Call `frame` as all ranks and return when all are done, however it ends."""
+        arrivals = np.zeros(size * LINE, dtype=np.int64)
+        given = [arguments(Team(rank, size, arrivals)) for rank in range(size)]
+        self._compile(frame, given[0])
+        self._grow(size - 1)
+        shares = [_Share(frame, given[rank], arrivals[rank * LINE :]) for rank in range(1, size)]
+        try:
+            for inbox, share in zip(self._inboxes, shares, strict=False):
+                inbox.put(share)
+            frame(*given[0])
+            meetings = [int(arrivals[0])]
+            arrivals[0] = GONE
+            for share in shares:
+                share.wait()
+        except BaseException:
+            arrivals[0] = GONE
+            _call_off(shares)
+            raise
+        for share in shares:
+            if share.error is not None:
+                raise share.error
+            meetings.append(share.meetings)
+        if len(set(meetings)) > 1:
+            raise RuntimeError(f"the ranks of a team met unequally often: {', '.join(map(str, meetings))} times")
+
+    def _compile(self, frame: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+        """Compile here, where it can be interrupted, and not while another rank already waits at its first meeting."""
+        if not isinstance(frame, Dispatcher):
+            return
+        key = (frame, _dispatcher.compute_fingerprint(arguments))  # 3 us, where numba's types take 180
+        if key not in self._compiled:
+            frame.compile(tuple(frame.typeof_pyval(argument) for argument in arguments))
+            self._compiled.add(key)
+
+    def _grow(self, size: int) -> None:
+        while len(self._inboxes) < size:
+            inbox: SimpleQueue[_Share] = SimpleQueue()
+            threading.Thread(target=_serve, args=(inbox,), name="cape-team", daemon=True).start()
+            self._inboxes.append(inbox)
+
+
+class _Share:
+    """What one rank does; it belongs to whoever is first to say so, the thread that runs it or the one to call it off.
+
+    `word` is where the rank counts its meetings.
+    """
+
+    def __init__(self, frame: Callable[..., Any], arguments: tuple[Any, ...], word: NDArray[np.int64]) -> None:
+        self.error: BaseException | None = None
+        self.meetings = 0
+        self._frame, self._arguments, self._word = frame, arguments, word
+        self._owner: dict[str, str] = {}
+        self._unfinished = threading.Lock()
+        self._unfinished.acquire()
+
+    def run(self) -> None:
+        if self._owner.setdefault("name", "runner") != "runner":
+            return
+        try:
+            self._frame(*self._arguments)
+        except BaseException as error:
+            self.error = error
+        self.meetings = int(self._word[0])
+        self._word[0] = GONE
+        self._unfinished.release()
+
+    def wait(self) -> None:
+        with self._unfinished:
+            pass
+
+    def call_off(self) -> bool:
+        """See to it that it doesn't begin any more; False if it did already. May be repeated."""
+        if self._owner.setdefault("name", "caller") == "runner":
+            return False
+        self._word[0] = GONE
+        return True
+
+
+def _serve(inbox: SimpleQueue[_Share]) -> None:
+    while True:
+        inbox.get().run()
+
+
+def _call_off(shares: Sequence[_Share]) -> None:
+    """Return when no rank is at work any more; further interrupts change nothing, since one is on its way already."""
+    while True:
+        try:
+            begun = [share for share in shares if not share.call_off()]
+            for share in begun:
+                share.wait()
+            return
+        except KeyboardInterrupt:
+            continue
+
+
+def _start_anew() -> None:
+    global _crew
+    _crew = _Crew()
+
+
+_crew = _Crew()
+if sys.platform != "win32":
+    os.register_at_fork(after_in_child=_start_anew)  # a child has none of its parent's threads
