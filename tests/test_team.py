@@ -244,11 +244,14 @@ def test_an_interrupt_ends_all_ranks_before_it_is_raised(when: float):
         time.sleep(when)
         signal.raise_signal(signal.SIGINT)
 
-    thread = threading.Thread(target=interrupt)
-    with pytest.raises(KeyboardInterrupt):
+    def go_on() -> None:
         thread.start()
         while True:
             run(frame, lambda team: (team,), 2)
+
+    thread = threading.Thread(target=interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        go_on()
     thread.join()
     assert 1 not in at_work
     assert diffused(2)[1] == 2
