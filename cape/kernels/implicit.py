@@ -34,17 +34,44 @@ NARROWEST, WIDEST = 0.1, 0.9  # share of the step at hand that the next try take
 
 
 @kernel
-def begin_trapezoid(b, gx, gy, gz, inverse_mass, fx, fy, fz, x, y, z, vx, vy, vz, start, target):
+def stand(b, x, y, z, vx, vy, vz, target):
+    """Set xt and vt to where x and v are: no acceleration."""
+    xt, yt, zt, ut, vt, wt = target[0], target[1], target[2], target[3], target[4], target[5]
+    for i in range(x.size):
+        xt[i], yt[i], zt[i] = x[i] - b * vx[i], y[i] - b * vy[i], z[i] - b * vz[i]
+        ut[i], vt[i], wt[i] = vx[i], vy[i], vz[i]
+
+
+@kernel
+def scale(factor, dx, dy, dz, acceleration):
+    """Accelerations from a solution."""
+    ax, ay, az = acceleration[0], acceleration[1], acceleration[2]
+    for i in range(ax.size):
+        ax[i], ay[i], az[i] = factor * dx[i], factor * dy[i], factor * dz[i]
+
+
+@kernel
+def note_acceleration(rate, vx, vy, vz, target, acceleration):
+    """Accelerations of a stage: (v - vt) / b, with `rate` 1/b."""
+    ut, vt, wt = target[3], target[4], target[5]
+    ax, ay, az = acceleration[0], acceleration[1], acceleration[2]
+    for i in range(vx.size):
+        ax[i], ay[i], az[i] = rate * (vx[i] - ut[i]), rate * (vy[i] - vt[i]), rate * (vz[i] - wt[i])
+
+
+@kernel
+def begin_trapezoid(b, acceleration, x, y, z, vx, vy, vz, start, target):
     """Keep the start, set xt and vt, and guess x at the end of the trapezoidal rule's 2 b seconds."""
     x0, y0, z0, u0, v0, w0 = start[0], start[1], start[2], start[3], start[4], start[5]
     xt, yt, zt, ut, vt, wt = target[0], target[1], target[2], target[3], target[4], target[5]
+    ax, ay, az = acceleration[0], acceleration[1], acceleration[2]
     for i in range(x.size):
         x0[i], y0[i], z0[i] = x[i], y[i], z[i]
         u0[i], v0[i], w0[i] = vx[i], vy[i], vz[i]
         xt[i], yt[i], zt[i] = x[i] + b * vx[i], y[i] + b * vy[i], z[i] + b * vz[i]
-        ut[i] = vx[i] + b * (inverse_mass[i] * fx[i] + gx)
-        vt[i] = vy[i] + b * (inverse_mass[i] * fy[i] + gy)
-        wt[i] = vz[i] + b * (inverse_mass[i] * fz[i] + gz)
+        ut[i] = vx[i] + b * ax[i]
+        vt[i] = vy[i] + b * ay[i]
+        wt[i] = vz[i] + b * az[i]
         x[i], y[i], z[i] = xt[i] + b * vx[i], yt[i] + b * vy[i], zt[i] + b * vz[i]
 
 
@@ -154,7 +181,7 @@ def longest(d, lo, hi):
 
 
 @driver
-def evaluate(lo, hi, s, model, gravity, scratch, work, matrix, b, team):
+def evaluate(lo, hi, s, model, inertia, scratch, work, matrix, b, team):
     """Set velocities and residual that belong to the positions of vertices lo to hi."""
     dtype = s.x.dtype.type
     rate = dtype(1.0 / b)
@@ -167,7 +194,7 @@ def evaluate(lo, hi, s, model, gravity, scratch, work, matrix, b, team):
     meet(team)
     compute_forces(lo, hi, s, model, f[0], f[1], f[2], scratch, team)
     subtract_inertia(
-        rate, dtype(gravity[0]), dtype(gravity[1]), dtype(gravity[2]), matrix.free[a:e], matrix.mass[a:e],
+        rate, dtype(inertia.gravity[0]), dtype(inertia.gravity[1]), dtype(inertia.gravity[2]), inertia.free[lo:hi], inertia.mass[lo:hi],
         t[3, lo:hi], t[4, lo:hi], t[5, lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
         f[0, lo:hi], f[1, lo:hi], f[2, lo:hi], r[0, a:e], r[1, a:e], r[2, a:e],
     )  # fmt: skip
@@ -192,11 +219,11 @@ def slope_here(lo, hi, front, work, team):
 
 
 @driver
-def solve_stage(lo, hi, s, model, gravity, scratch, work, matrix, b, settings, counts, team):
+def solve_stage(lo, hi, s, model, inertia, scratch, work, matrix, b, settings, counts, team):
     """Solve a stage by Newton's method from the positions at hand; returns the length of the last correction [m]."""
     front = matrix.front
     correction = 0.0
-    evaluate(lo, hi, s, model, gravity, scratch, work, matrix, b, team)
+    evaluate(lo, hi, s, model, inertia, scratch, work, matrix, b, team)
     for _ in range(settings.iterations):
         prepare(lo, hi, s, model, b, matrix, work.inverse, team)
         iterations, slope = solve_linear(
@@ -214,7 +241,7 @@ def solve_stage(lo, hi, s, model, gravity, scratch, work, matrix, b, settings, c
                 share *= min(max(slope / (slope - here), NARROWEST), WIDEST)
                 counts[SHORTENED] += 1
             step_along(lo, hi, share, s, front, work)
-            evaluate(lo, hi, s, model, gravity, scratch, work, matrix, b, team)
+            evaluate(lo, hi, s, model, inertia, scratch, work, matrix, b, team)
             here = slope_here(lo, hi, front, work, team)
             if here >= -SLOPE * slope:
                 break
@@ -228,6 +255,29 @@ def solve_stage(lo, hi, s, model, gravity, scratch, work, matrix, b, settings, c
         if correction < settings.tolerance:
             break
     return correction
+
+
+@driver
+def accelerate(lo, hi, s, model, inertia, scratch, work, matrix, b, settings, counts, team):
+    """Find the accelerations at the start of a frame from A a = (f + M g) / b^2.
+
+    Those of modes slower than the step are what f and M say, to second order in the step. The others, which that would
+    make huge from the last digits of the positions, are bounded.
+    """
+    dtype = s.x.dtype.type
+    front = matrix.front
+    stand(
+        dtype(b), s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.target[:, lo:hi]
+    )
+    evaluate(lo, hi, s, model, inertia, scratch, work, matrix, b, team)
+    prepare(lo, hi, s, model, b, matrix, work.inverse, team)
+    iterations, _ = solve_linear(
+        lo, hi, model, matrix, b, work.scratch, work.inverse, work.vectors, work.terms, work.sums,
+        settings.forcing**3, settings.linear_iterations, team,
+    )  # fmt: skip
+    counts[LINEAR] += iterations
+    d, a, e = work.vectors[0], front + lo, front + hi
+    scale(dtype(1.0 / (b * b)), d[0, a:e], d[1, a:e], d[2, a:e], work.acceleration[:, lo:hi])
 
 
 @driver
@@ -254,7 +304,7 @@ def count_unsolved(correction, settings, counts):
 
 @driver
 def backward_euler_frame(
-    s, model, gravity, scratch, matrix, work, settings, counts, motion, m, attached,
+    s, model, inertia, scratch, matrix, work, settings, counts, motion, m, attached,
     free, thickness, capsules, planes, boxes, substeps, duration, team,
 ):  # fmt: skip
     """Advance the state `s` by `duration` [s] in `substeps` steps of backward Euler.
@@ -271,14 +321,14 @@ def backward_euler_frame(
         )  # fmt: skip
         place_bones((substep + 1) * h, motion, m)
         hold_rigidly(lo, hi, attached, m, h, s, work.target)
-        correction = solve_stage(lo, hi, s, model, gravity, scratch, work, matrix, h, settings, counts, team)
+        correction = solve_stage(lo, hi, s, model, inertia, scratch, work, matrix, h, settings, counts, team)
         count_unsolved(correction, settings, counts)
         collide(lo, hi, s, free, thickness, capsules, planes, boxes, m, substep, h)
 
 
 @driver
 def tr_bdf2_frame(
-    s, model, gravity, scratch, matrix, work, settings, counts, motion, m, attached,
+    s, model, inertia, scratch, matrix, work, settings, counts, motion, m, attached,
     free, thickness, capsules, planes, boxes, substeps, duration, team,
 ):  # fmt: skip
     """Advance the state `s` by `duration` [s] in `substeps` steps of TR-BDF2; arguments as for backward Euler."""
@@ -286,22 +336,19 @@ def tr_bdf2_frame(
     h = duration / substeps
     b, dtype = 0.5 * GAMMA * h, s.x.dtype.type
     c1 = 1.0 / (GAMMA * (2.0 - GAMMA))
-    f = work.forces
     begin_frame(motion, m, duration)
     for substep in range(substeps):
         place_bones(substep * h, motion, m)
         hold_rigidly(lo, hi, attached, m, b, s, work.target)
-        meet(team)
-        compute_forces(lo, hi, s, model, f[0], f[1], f[2], scratch, team)
-        meet(team)
+        if substep == 0:
+            accelerate(lo, hi, s, model, inertia, scratch, work, matrix, b, settings, counts, team)
         begin_trapezoid(
-            dtype(b), dtype(gravity[0]), dtype(gravity[1]), dtype(gravity[2]), matrix.inverse_mass[lo:hi],
-            f[0, lo:hi], f[1, lo:hi], f[2, lo:hi], s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
+            dtype(b), work.acceleration[:, lo:hi], s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
             s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.start[:, lo:hi], work.target[:, lo:hi],
         )  # fmt: skip
         place_bones((substep + GAMMA) * h, motion, m)
         hold_rigidly(lo, hi, attached, m, b, s, work.target)
-        correction = solve_stage(lo, hi, s, model, gravity, scratch, work, matrix, b, settings, counts, team)
+        correction = solve_stage(lo, hi, s, model, inertia, scratch, work, matrix, b, settings, counts, team)
         count_unsolved(correction, settings, counts)
         begin_bdf2(
             dtype(c1 - 1.0), dtype(c1), dtype((1.0 - GAMMA) * h), s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
@@ -309,6 +356,9 @@ def tr_bdf2_frame(
         )  # fmt: skip
         place_bones((substep + 1) * h, motion, m)
         hold_rigidly(lo, hi, attached, m, b, s, work.target)
-        correction = solve_stage(lo, hi, s, model, gravity, scratch, work, matrix, b, settings, counts, team)
+        correction = solve_stage(lo, hi, s, model, inertia, scratch, work, matrix, b, settings, counts, team)
         count_unsolved(correction, settings, counts)
+        note_acceleration(
+            dtype(1.0 / b), s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.target[:, lo:hi], work.acceleration[:, lo:hi]
+        )
         collide(lo, hi, s, free, thickness, capsules, planes, boxes, m, substep, h)

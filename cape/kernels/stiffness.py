@@ -223,7 +223,7 @@ def prepare(lo, hi, s, model, b, matrix, inverse, team):
     stretched = s.x.dtype.type(damped(model.damping, b))
     _linearise(lo, hi, s, model.grid, stretched, matrix.front, matrix.springs)
     meet(team)
-    dtype = s.x.dtype.type
+    dtype = inverse.dtype.type
     m, a, e = matrix.own, matrix.front + lo, matrix.front + hi
     set_blocks(
         dtype(1.0 / (b * b)), dtype(damped(model.bend_damping, b)), matrix.mass[a:e], matrix.bend_diagonal[a:e],

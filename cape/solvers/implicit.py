@@ -1,6 +1,7 @@
 """Implicit solvers for what explicit steps cannot reach: backward Euler and TR-BDF2."""
 
 import math
+import os
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape import team
-from cape.assemble import Assembly, force_model, force_scratch, inertia_of
+from cape.assemble import Assembly, force_model, force_scratch
 from cape.cloth import GridCloth
 from cape.kernels.conjugate import CHUNK
 from cape.kernels.implicit import backward_euler_frame, tr_bdf2_frame
@@ -18,6 +19,7 @@ from cape.kernels.records import ForceModel, Motion, State, Team
 from cape.solvers.base import Solver
 from motions.errors import ValueRangeError
 
+INNER = np.dtype(os.environ.get("INNER","float32")).type
 Array = NDArray[np.floating]
 
 
@@ -26,7 +28,7 @@ class Matrix(NamedTuple):
 
     `springs` holds w and c of each spring (4 F, L); `bends` the couplings of a vertex with the next ones and the second
     next along each family [N/m] (2 K, L), None without bends; `bend_diagonal` [N/m], `mass` [kg] and `free`, 0 for
-    attached vertices, (L,); `own` blocks (6, L); `inverse_mass` [1/kg] (N,), zero for attached vertices.
+    attached vertices, (L,); `own` blocks (6, L).
     """
 
     front: int
@@ -36,7 +38,15 @@ class Matrix(NamedTuple):
     mass: Array
     free: Array
     own: Array
+
+
+class Inertia(NamedTuple):
+    """What every vertex has: `mass` [kg], `inverse_mass` [1/kg] and `free`, both 0 for attached ones, (N,); gravity."""
+
+    mass: Array
     inverse_mass: Array
+    free: Array
+    gravity: Array
 
 
 class Work(NamedTuple):
@@ -46,6 +56,7 @@ class Work(NamedTuple):
     start: Array
     target: Array
     old: Array
+    acceleration: Array
     forces: Array
     inverse: Array
     vectors: Array
@@ -68,7 +79,7 @@ class ImplicitRoom(NamedTuple):
     """What the steps of a run share; of `scratch`, `works` and `counts` each thread has its own."""
 
     model: ForceModel
-    gravity: Array
+    inertia: Inertia
     scratch: tuple[Array | None, ...]
     matrix: Matrix
     works: tuple[Work, ...]
@@ -122,28 +133,32 @@ class ImplicitSolver(Solver):
 
     def init(self, assembly: Assembly) -> ImplicitRoom:
         """Lay out the matrix and the room for its products."""
-        dtype, count = self.dtype(assembly), assembly.cloth.vertices
-        matrix = matrix_of(assembly, dtype)
+        dtype, count, inner = self.dtype(assembly), assembly.cloth.vertices, INNER
+        matrix = matrix_of(assembly, inner)
         chunks, size = -(-count // CHUNK), matrix.mass.size
         shared = Work(
             start=np.zeros((6, count), dtype),
             target=np.zeros((6, count), dtype),
             old=np.zeros((3, count), dtype),
+            acceleration=np.zeros((3, count), dtype),
             forces=np.zeros((3, count), dtype),
-            inverse=np.zeros((6, size), dtype),
-            vectors=np.zeros((5, 3, size), dtype),
-            terms=np.zeros(size, dtype),
+            inverse=np.zeros((6, size), inner),
+            vectors=np.zeros((5, 3, size), inner),
+            terms=np.zeros(size, inner),
             sums=np.zeros((3, chunks)),
             largest=np.zeros(chunks),
-            scratch=np.zeros((3, size), dtype),
+            scratch=np.zeros((3, size), inner),
         )
         ranks = len(assembly.ranks)
         return ImplicitRoom(
             model=force_model(assembly, dtype),
-            gravity=inertia_of(assembly, dtype).gravity,
+            inertia=Inertia(
+                assembly.mass.astype(dtype), assembly.inverse_mass.astype(dtype), assembly.free.astype(dtype),
+                np.array(assembly.scene.gravity, dtype=float),
+            ),
             scratch=force_scratch(assembly, dtype),
             matrix=matrix,
-            works=tuple(shared._replace(scratch=np.zeros((3, size), dtype)) for _ in range(ranks)),
+            works=tuple(shared._replace(scratch=np.zeros((3, size), inner)) for _ in range(ranks)),
             counts=np.zeros((ranks, 4), dtype=np.int64),
         )
 
@@ -174,7 +189,7 @@ class ImplicitSolver(Solver):
             rank = 0 if member is None else member.rank
             own = assembly.ranks[rank]
             return (
-                state, room.model, room.gravity, room.scratch[rank], room.matrix, room.works[rank], settings,
+                state, room.model, room.inertia, room.scratch[rank], room.matrix, room.works[rank], settings,
                 room.counts[rank], motion, own.room, assembly.attached, *own.contacts, substeps, duration, member,
             )  # fmt: skip
 
@@ -244,5 +259,4 @@ def matrix_of(assembly: Assembly, dtype: type[np.floating]) -> Matrix:
         mass=padded(assembly.mass, 1.0),
         free=padded(assembly.free),
         own=np.zeros((6, size), dtype),
-        inverse_mass=assembly.inverse_mass.astype(dtype),
     )
