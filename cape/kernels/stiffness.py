@@ -125,6 +125,13 @@ def copy(values, out):
 
 
 @kernel
+def add(values, out):
+    """Add the values to `out`."""
+    for i in range(out.size):
+        out[i] += values[i]
+
+
+@kernel
 def set_blocks(mass_scale, bend_scale, mass, bend_diagonal, xx, yy, zz, xy, xz, yz):
     """Set the own blocks to mass/b^2 plus the diagonal of the bends; scaled by 1/b^2 and 1 + tau_b/b."""
     for i in range(xx.size):
@@ -218,7 +225,7 @@ def _add_products(lo, hi, grid, grid_bends, bend_scale, front, springs, bends, s
 
 
 @driver
-def prepare(lo, hi, s, model, b, matrix, inverse, team):
+def prepare(lo, hi, s, model, b, matrix, penalty, inverse, team):
     """Linearise at the state `s`: springs, own blocks, and the inverse of A's block diagonal."""
     stretched = s.x.dtype.type(damped(model.damping, b))
     _linearise(lo, hi, s, model.grid, stretched, matrix.front, matrix.springs)
@@ -229,6 +236,7 @@ def prepare(lo, hi, s, model, b, matrix, inverse, team):
         dtype(1.0 / (b * b)), dtype(damped(model.bend_damping, b)), matrix.mass[a:e], matrix.bend_diagonal[a:e],
         m[0, a:e], m[1, a:e], m[2, a:e], m[3, a:e], m[4, a:e], m[5, a:e],
     )  # fmt: skip
+    _add_contact_blocks(lo, hi, matrix.front, penalty, m)
     for row in range(6):
         copy(m[row, a:e], inverse[row, a:e])
     _add_blocks(lo, hi, model.grid, matrix.front, matrix.springs, inverse)
@@ -240,6 +248,13 @@ def prepare(lo, hi, s, model, b, matrix, inverse, team):
 def _linearise(lo, hi, s, grid, stretched, front, springs):
     if grid is not None:
         linearise_grid(lo, hi, s, grid, stretched, front, springs)
+
+
+@driver
+def _add_contact_blocks(lo, hi, front, penalty, own):
+    if penalty is not None:
+        for row in range(6):
+            add(penalty.blocks[row, lo:hi], own[row, front + lo : front + hi])
 
 
 @driver

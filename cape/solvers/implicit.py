@@ -15,11 +15,11 @@ from cape.assemble import Assembly, force_model, force_scratch
 from cape.cloth import GridCloth
 from cape.kernels.conjugate import CHUNK
 from cape.kernels.implicit import backward_euler_frame, tr_bdf2_frame
-from cape.kernels.records import ForceModel, Motion, State, Team
+from cape.kernels.records import Attached, Contacts, ForceModel, Motion, MotionRoom, State, Team
 from cape.solvers.base import Solver
 from motions.errors import ValueRangeError
 
-INNER = np.dtype(os.environ.get("INNER","float32")).type
+INNER = np.dtype(os.environ.get("INNER", "float32")).type
 Array = NDArray[np.floating]
 
 
@@ -75,6 +75,33 @@ class Settings(NamedTuple):
     linear_iterations: int
 
 
+class Penalty(NamedTuple):
+    """Contact: `stiffness` [N/m] (N,), and room for forces [N] (3, N) and for minus their derivatives [N/m] (6, N)."""
+
+    stiffness: Array
+    force: Array
+    blocks: Array
+
+
+class Problem(NamedTuple):
+    """What a thread needs to advance a frame; what is its own: `scratch`, `work.scratch`, `counts`, `bones` and
+    `contacts`."""
+
+    state: State
+    model: ForceModel
+    inertia: Inertia
+    scratch: Array | None
+    matrix: Matrix
+    work: Work
+    settings: Settings
+    counts: NDArray[np.int64]
+    motion: Motion
+    bones: MotionRoom
+    attached: Attached | None
+    contacts: Contacts
+    penalty: Penalty | None
+
+
 class ImplicitRoom(NamedTuple):
     """What the steps of a run share; of `scratch`, `works` and `counts` each thread has its own."""
 
@@ -84,6 +111,7 @@ class ImplicitRoom(NamedTuple):
     matrix: Matrix
     works: tuple[Work, ...]
     counts: NDArray[np.int64]
+    penalty: Penalty | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +130,7 @@ class ImplicitSolver(Solver):
     """
 
     tolerance: float = 1e-4
-    iterations: int = 12
+    iterations: int = 40
     forcing: float = 0.1
     linear_iterations: int = 500
 
@@ -153,13 +181,16 @@ class ImplicitSolver(Solver):
         return ImplicitRoom(
             model=force_model(assembly, dtype),
             inertia=Inertia(
-                assembly.mass.astype(dtype), assembly.inverse_mass.astype(dtype), assembly.free.astype(dtype),
+                assembly.mass.astype(dtype),
+                assembly.inverse_mass.astype(dtype),
+                assembly.free.astype(dtype),
                 np.array(assembly.scene.gravity, dtype=float),
             ),
             scratch=force_scratch(assembly, dtype),
             matrix=matrix,
             works=tuple(shared._replace(scratch=np.zeros((3, size), inner)) for _ in range(ranks)),
             counts=np.zeros((ranks, 4), dtype=np.int64),
+            penalty=_penalty(assembly, dtype) if assembly.scene.colliders else None,
         )
 
     def choose_substeps(self, room: ImplicitRoom, duration: float) -> int:
@@ -188,10 +219,11 @@ class ImplicitSolver(Solver):
         def arguments(member: Team | None) -> tuple:
             rank = 0 if member is None else member.rank
             own = assembly.ranks[rank]
-            return (
+            problem = Problem(
                 state, room.model, room.inertia, room.scratch[rank], room.matrix, room.works[rank], settings,
-                room.counts[rank], motion, own.room, assembly.attached, *own.contacts, substeps, duration, member,
+                room.counts[rank], motion, own.room, assembly.attached, own.contacts, room.penalty,
             )  # fmt: skip
+            return problem, substeps, duration, member
 
         team.run(self._frame, arguments, threads)
         return int(room.counts[0, 0])
@@ -224,7 +256,7 @@ class TRBDF2(ImplicitSolver):
 
     @property
     def _steps(self) -> int:
-        return 4
+        return 8
 
 
 def matrix_of(assembly: Assembly, dtype: type[np.floating]) -> Matrix:
@@ -260,3 +292,11 @@ def matrix_of(assembly: Assembly, dtype: type[np.floating]) -> Matrix:
         free=padded(assembly.free),
         own=np.zeros((6, size), dtype),
     )
+
+
+def _penalty(assembly: Assembly, dtype: type[np.floating]) -> Penalty:
+    """Contact as stiff as the springs of each vertex together: it yields less than the cloth does."""
+    springs, count = assembly.springs, assembly.cloth.vertices
+    ends = np.concatenate([springs.first, springs.second])
+    stiffness = np.bincount(ends, weights=np.tile(springs.stiffness, 2), minlength=count)
+    return Penalty(stiffness.astype(dtype), np.zeros((3, count), dtype), np.zeros((6, count), dtype))

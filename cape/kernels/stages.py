@@ -1,0 +1,157 @@
+"""The pieces of an implicit stage: what it aims at, where it starts, and what is left over in the equation of motion.
+
+A stage finds positions x with velocities v = (x - xt) / b and M (v - vt) / b = f(x, v) + M g. `target` (6, N) holds xt
+and vt, `start` (6, N) the positions and velocities that a step began with.
+"""
+
+import math
+
+from cape.kernels.bones import fill_matrix, to_world
+from cape.kernels.jit import driver, kernel
+
+
+@kernel
+def stand(b, x, y, z, vx, vy, vz, target):
+    """Set xt and vt to where x and v are: no acceleration."""
+    xt, yt, zt, ut, vt, wt = target[0], target[1], target[2], target[3], target[4], target[5]
+    for i in range(x.size):
+        xt[i], yt[i], zt[i] = x[i] - b * vx[i], y[i] - b * vy[i], z[i] - b * vz[i]
+        ut[i], vt[i], wt[i] = vx[i], vy[i], vz[i]
+
+
+@kernel
+def scale(factor, dx, dy, dz, acceleration):
+    """Accelerations from a solution."""
+    ax, ay, az = acceleration[0], acceleration[1], acceleration[2]
+    for i in range(ax.size):
+        ax[i], ay[i], az[i] = factor * dx[i], factor * dy[i], factor * dz[i]
+
+
+@kernel
+def note_acceleration(rate, vx, vy, vz, target, acceleration):
+    """Accelerations of a stage: (v - vt) / b, with `rate` 1/b."""
+    ut, vt, wt = target[3], target[4], target[5]
+    ax, ay, az = acceleration[0], acceleration[1], acceleration[2]
+    for i in range(vx.size):
+        ax[i], ay[i], az[i] = rate * (vx[i] - ut[i]), rate * (vy[i] - vt[i]), rate * (vz[i] - wt[i])
+
+
+@kernel
+def begin_trapezoid(b, acceleration, x, y, z, vx, vy, vz, start, target):
+    """Keep the start, set xt and vt, and guess x at the end of the trapezoidal rule's 2 b seconds."""
+    x0, y0, z0, u0, v0, w0 = start[0], start[1], start[2], start[3], start[4], start[5]
+    xt, yt, zt, ut, vt, wt = target[0], target[1], target[2], target[3], target[4], target[5]
+    ax, ay, az = acceleration[0], acceleration[1], acceleration[2]
+    for i in range(x.size):
+        x0[i], y0[i], z0[i] = x[i], y[i], z[i]
+        u0[i], v0[i], w0[i] = vx[i], vy[i], vz[i]
+        xt[i], yt[i], zt[i] = x[i] + b * vx[i], y[i] + b * vy[i], z[i] + b * vz[i]
+        ut[i] = vx[i] + b * ax[i]
+        vt[i] = vy[i] + b * ay[i]
+        wt[i] = vz[i] + b * az[i]
+        x[i], y[i], z[i] = xt[i] + b * vx[i], yt[i] + b * vy[i], zt[i] + b * vz[i]
+
+
+@kernel
+def begin_bdf2(c0, c1, rest, x, y, z, vx, vy, vz, start, target):
+    """Set xt and vt from the start and the first stage, and guess x at the end of the `rest` of the step [s]."""
+    x0, y0, z0, u0, v0, w0 = start[0], start[1], start[2], start[3], start[4], start[5]
+    xt, yt, zt, ut, vt, wt = target[0], target[1], target[2], target[3], target[4], target[5]
+    for i in range(x.size):
+        # x1 + c0 (x1 - x0), as c1 - c0 = 1: far from the origin nothing is lost.
+        xt[i] = x[i] + c0 * (x[i] - x0[i])
+        yt[i] = y[i] + c0 * (y[i] - y0[i])
+        zt[i] = z[i] + c0 * (z[i] - z0[i])
+        ut[i], vt[i], wt[i] = c1 * vx[i] - c0 * u0[i], c1 * vy[i] - c0 * v0[i], c1 * vz[i] - c0 * w0[i]
+        x[i] += rest * vx[i]
+        y[i] += rest * vy[i]
+        z[i] += rest * vz[i]
+
+
+@kernel
+def begin_euler(h, x, y, z, vx, vy, vz, target):
+    """Set xt and vt to the start, and guess x after `h` seconds."""
+    xt, yt, zt, ut, vt, wt = target[0], target[1], target[2], target[3], target[4], target[5]
+    for i in range(x.size):
+        xt[i], yt[i], zt[i] = x[i], y[i], z[i]
+        ut[i], vt[i], wt[i] = vx[i], vy[i], vz[i]
+        x[i] += h * vx[i]
+        y[i] += h * vy[i]
+        z[i] += h * vz[i]
+
+
+@driver
+def place_at(time, position0, rotation0, velocity, spin, positions, matrices):
+    """Fill the bones' `positions` and `matrices`, bone_to_world, `time` [s] after the frame's start."""
+    for bone in range(position0.shape[0]):
+        for k in range(3):
+            positions[bone, k] = position0[bone, k] + time * velocity[bone, k]
+        x, y, z = 0.5 * time * spin[bone, 0], 0.5 * time * spin[bone, 1], 0.5 * time * spin[bone, 2]
+        half = math.sqrt(x * x + y * y + z * z)
+        scale = math.sin(half) / half if half > 1e-12 else 1.0
+        w, x, y, z = math.cos(half), scale * x, scale * y, scale * z
+        w0, x0, y0, z0 = rotation0[bone, 0], rotation0[bone, 1], rotation0[bone, 2], rotation0[bone, 3]
+        fill_matrix(
+            w * w0 - x * x0 - y * y0 - z * z0,
+            w * x0 + x * w0 + y * z0 - z * y0,
+            w * y0 - x * z0 + y * w0 + z * x0,
+            w * z0 + x * y0 - y * x0 + z * w0,
+            matrices[bone],
+        )
+
+
+@driver
+def hold_rigidly(lo, hi, attached, m, b, s, target):
+    """Put the attached ones of vertices lo to hi where their bones are, with xt so that v is that of their bones."""
+    if attached is not None:
+        for k in range(attached.vertices.size):
+            i, bone = attached.vertices[k], attached.bones[k]
+            if i < lo or i >= hi:
+                continue
+            point = attached.points[k]
+            x, y, z = to_world(bone, point[0], point[1], point[2], m.positions, m.matrices)
+            lx, ly, lz = x - m.positions[bone, 0], y - m.positions[bone, 1], z - m.positions[bone, 2]
+            spin, velocity = m.spin[bone], m.velocity[bone]
+            vx = velocity[0] + spin[1] * lz - spin[2] * ly
+            vy = velocity[1] + spin[2] * lx - spin[0] * lz
+            vz = velocity[2] + spin[0] * ly - spin[1] * lx
+            s.x[i], s.y[i], s.z[i] = x, y, z
+            s.vx[i], s.vy[i], s.vz[i] = vx, vy, vz
+            target[0, i], target[1, i], target[2, i] = x - b * vx, y - b * vy, z - b * vz
+
+
+@kernel
+def follow(rate, xt, yt, zt, x, y, z, vx, vy, vz):
+    """Velocities that belong to positions: v = (x - xt) / b, with `rate` 1/b."""
+    for i in range(x.size):
+        vx[i] = rate * (x[i] - xt[i])
+        vy[i] = rate * (y[i] - yt[i])
+        vz[i] = rate * (z[i] - zt[i])
+
+
+@kernel
+def move(share, ox, oy, oz, dx, dy, dz, x, y, z):
+    """Positions a share of the way along a Newton step from the old ones."""
+    for i in range(x.size):
+        x[i] = ox[i] + share * dx[i]
+        y[i] = oy[i] + share * dy[i]
+        z[i] = oz[i] + share * dz[i]
+
+
+@kernel
+def subtract_inertia(rate, gx, gy, gz, free, mass, ut, vt, wt, vx, vy, vz, fx, fy, fz, rx, ry, rz):
+    """What is left over in the equation of motion: f + M g - M (v - vt) / b, 0 for attached vertices."""
+    for i in range(vx.size):
+        m = mass[i]
+        rx[i] = free[i] * (fx[i] + m * (gx - rate * (vx[i] - ut[i])))
+        ry[i] = free[i] * (fy[i] + m * (gy - rate * (vy[i] - vt[i])))
+        rz[i] = free[i] * (fz[i] + m * (gz - rate * (vz[i] - wt[i])))
+
+
+@driver
+def longest(d, lo, hi):
+    """Length of the longest of the vectors lo to hi [m]."""
+    squared = 0.0
+    for i in range(lo, hi):
+        squared = max(squared, d[0, i] * d[0, i] + d[1, i] * d[1, i] + d[2, i] * d[2, i])
+    return math.sqrt(squared)
