@@ -1,161 +1,339 @@
 """Forces on a cloth whose vertices are a grid, stored row after row in flat arrays.
 
-A spring family joins each vertex i to i + offset, so that a whole family is one contiguous loop without any index
-array. Springs that would leave the grid (from a row's end to the next row's start) have stiffness 0. Loops start at 0
-over shifted views: an index of unknown sign costs a branch that keeps LLVM from vectorising.
+Every spring belongs to the vertex it starts from, so that springs of a family are one contiguous loop without any index
+array; those that would leave the grid (from a row's end to the next row's start) have stiffness 0. A tile of vertices
+takes three loops: `copy_state` looks at them and their neighbours, `set_fluxes` computes what each spring passes from
+its first to its second end, `add_up` gives every vertex what leaves and what arrives.
+
+The room's arrays lie `STRIDE` apart, a constant: all of them are then addressed by one register, where twenty pointers
+would be reloaded from the stack in every iteration. Indices are unsigned: a sign would cost a branch that keeps LLVM
+from vectorising.
 """
 
 import math
+from typing import NamedTuple
 
-from cape.kernels.jit import inlined, kernel
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from cape.kernels.jit import driver, inlined, kernel
+
+LANES = 16  # floats in a vector; stores of a tile start on its border
+STRIDE = 16384 + 3 * LANES  # no power of two: arrays would compete for the same lines of the cache
+SMALL_TILE, LARGE_TILE = 2048, 8192  # vertices; the former for narrow grids
+MOST_COLUMNS = (STRIDE - LARGE_TILE - 4 * LANES) // 3
+
+ONE = np.uint64(1)
+# Where each array starts: in the window of the state, and in the fluxes along x (y and z follow) of each family.
+X, Y, Z, VX, VY, VZ, QX, QY, QZ, BEND_ACROSS, BEND_DOWN = (np.uint64(k * STRIDE) for k in range(11))
+RIGHT, DOWN, DIAGONAL, ANTIDIAGONAL = (np.uint64(3 * k * STRIDE) for k in range(4))
+TO_Y, TO_Z = np.uint64(STRIDE), np.uint64(2 * STRIDE)
+# The same room for the air: on a cell's first corner, on the two that its triangles share, and on the last.
+FIRST, SHARED, LAST = RIGHT, DOWN, DIAGONAL
 
 
-@kernel
-def spring_forces(offset, x, y, z, vx, vy, vz, stiffness, rest, damping_time, tiny, sx, sy, sz):
-    """Force of each spring of one family on its first end [N].
+class GridRoom(NamedTuple):
+    """Scratch of one thread: the state of a tile and its neighbours, and what springs or cells exert."""
 
-    f = k (l - l0 + tau dl/dt) u, with u the unit vector towards the second end, l its length and k tau the damping of
-    Kelvin and Voigt. `tiny` [m2] keeps a spring of zero length from dividing by zero.
+    window: NDArray[np.floating]
+    fluxes: NDArray[np.floating]
+
+
+def grid_room(columns: int, vertices: int, dtype: DTypeLike) -> GridRoom:
+    """Make the scratch that `grid_forces` and `grid_air_forces` need, one for each thread."""
+    return GridRoom(_aligned(11 * STRIDE, dtype), _aligned(12 * STRIDE, dtype))
+
+
+def _aligned(size: int, dtype: DTypeLike) -> NDArray[np.floating]:
+    """Zeros from the start of a cache line on."""
+    array = np.zeros(size + 64, dtype)
+    start = -array.ctypes.data % 64 // array.itemsize
+    return array[start : start + size]
+
+
+@driver
+def grid_forces(
+    lo, hi, s, offsets, stiffness, rest, damping, bend_offsets, bend_stiffness, bend_damping, fx, fy, fz, room
+):  # fmt: skip
+    """Set f[lo:hi] to the forces of springs and bend springs on these vertices [N].
+
+    `offsets` are (1, c, c + 1, c - 1) for c columns, 2 to `MOST_COLUMNS`, and `bend_offsets` (1, c); `stiffness` [N/m]
+    and `rest` [m] have shape (4, N), `bend_stiffness` [N/m] (2, N). `bend_stiffness` is None without bending, a damping
+    time [s] without damping. The bits of f don't depend on where a range of vertices is split.
     """
-    x1, y1, z1 = x[offset:], y[offset:], z[offset:]
-    vx1, vy1, vz1 = vx[offset:], vy[offset:], vz[offset:]
-    for i in range(x1.size):
-        dx, dy, dz = x1[i] - x[i], y1[i] - y[i], z1[i] - z[i]
-        squared = dx * dx + dy * dy + dz * dz + tiny
-        approach = (vx1[i] - vx[i]) * dx + (vy1[i] - vy[i]) * dy + (vz1[i] - vz[i]) * dz
-        s = stiffness[i] * (squared - rest[i] * math.sqrt(squared) + damping_time * approach) / squared
-        sx[i], sy[i], sz[i] = s * dx, s * dy, s * dz
-
-
-@kernel
-def add_spring_forces(offset, sx, sy, sz, fx, fy, fz):
-    """Add each spring's force to its first end, and the opposite to its second end."""
-    n = fx.size
-    for i in range(n - offset):
-        fx[i] += sx[i]
-        fy[i] += sy[i]
-        fz[i] += sz[i]
-    fx1, fy1, fz1 = fx[offset:], fy[offset:], fz[offset:]
-    for i in range(n - offset):
-        fx1[i] -= sx[i]
-        fy1[i] -= sy[i]
-        fz1[i] -= sz[i]
-
-
-@kernel
-def add_bend_forces(offset, p, v, stiffness, damping_time, b, f):
-    """Add the force of bend springs along one coordinate: each draws a vertex to the midpoint of its two neighbours.
-
-    The energy is 1/2 k |p0 - 2 p1 + p2|^2, the second difference of three vertices in a row: the flat-rest quadratic
-    bending energy (Bergou 2006, eq. 4, on a regular grid). Linear, so each coordinate stands alone.
-    """
-    p1, p2 = p[offset:], p[2 * offset :]
-    v1, v2 = v[offset:], v[2 * offset :]
-    count = p2.size
-    for i in range(count):
-        b[i] = stiffness[i] * (p[i] - p1[i] - p1[i] + p2[i] + damping_time * (v[i] - v1[i] - v1[i] + v2[i]))
-    for i in range(count):
-        f[i] -= b[i]
-    f1 = f[offset:]
-    for i in range(count):
-        f1[i] += b[i] + b[i]
-    f2 = f[2 * offset :]
-    for i in range(count):
-        f2[i] -= b[i]
+    columns = offsets[1]
+    reach = columns + 1
+    tile = tile_size(columns)
+    to = round_up(reach)
+    damping, bend_damping = in_precision(damping, s.x), in_precision(bend_damping, s.x)
+    # What arrives from vertices before lo, where there are any.
+    start = max(lo - reach, 0)
+    clear(np.uint64(to - reach), np.uint64(reach), room.fluxes)
+    if start < lo:
+        spring_tile(
+            start, lo, to - (lo - start), columns, s, stiffness, rest, damping, bend_stiffness, bend_damping, room
+        )
+    for begin in range(lo, hi, tile):
+        end = min(begin + tile, hi)
+        spring_tile(begin, end, to, columns, s, stiffness, rest, damping, bend_stiffness, bend_damping, room)
+        add_up(np.uint64(begin), np.uint64(end - begin), np.uint64(to), np.uint64(columns), room.fluxes, fx, fy, fz)
+        if end < hi:
+            keep_tail(np.uint64(to + tile - reach), np.uint64(to - reach), np.uint64(reach), room.fluxes)
 
 
 @inlined
-def triangle_air_force(px, py, pz, qx, qy, qz, ux, uy, uz, drag, lift, tiny):
+def tile_size(columns):
+    """Vertices of a tile: many compared to those that its window adds, and still in the cache."""
+    return min(max(SMALL_TILE, 8 * columns // LANES * LANES), LARGE_TILE)
+
+
+@inlined
+def round_up(count):
+    """The next multiple of a vector's length."""
+    return (count + LANES - 1) // LANES * LANES
+
+
+@driver
+def in_precision(value, array):
+    """A number in an array's precision; None stays None."""
+    if value is None:
+        return None
+    return array.dtype.type(value)
+
+
+@inlined
+def spring_tile(begin, end, to, columns, s, stiffness, rest, damping, bend_stiffness, bend_damping, room):
+    """Fluxes of the springs that start from vertices begin to end, to the room's place `to`."""
+    n, window = s.x.size, room.window
+    at = round_up(columns)
+    # Bend springs reach `columns` back and twice as far ahead. Where there is no vertex, the window has zeros.
+    first, last = begin - at, end + round_up(2 * columns)
+    if first < 0:
+        clear(np.uint64(0), np.uint64(-first), window)
+        first = 0
+    if last > n:
+        clear(np.uint64(at + n - begin), np.uint64(last - n), window)
+        last = n
+    copy_state(
+        np.uint64(first), np.uint64(last - first), np.uint64(at + first - begin),
+        s.x, s.y, s.z, s.vx, s.vy, s.vz, damping, bend_stiffness, bend_damping, window,
+    )  # fmt: skip
+    set_fluxes(
+        np.uint64(begin), np.uint64(end - begin), np.uint64(at), np.uint64(to), np.uint64(columns),
+        window, stiffness, rest, damping, bend_stiffness, room.fluxes,
+    )  # fmt: skip
+
+
+@kernel
+def clear(start, count, room):
+    """Set entries of all arrays of a window or of fluxes to zero."""
+    for array in range(room.size // STRIDE):
+        o = np.uint64(array * STRIDE) + start
+        for k in range(count):
+            room[o + k] = 0
+
+
+@kernel
+def keep_tail(start, to, count, fluxes):
+    """Move the last fluxes of a tile to before the next one's."""
+    for array in range(12):
+        o = np.uint64(array * STRIDE)
+        for k in range(count):
+            fluxes[o + to + k] = fluxes[o + start + k]
+
+
+@kernel
+def copy_state(begin, count, at, x, y, z, vx, vy, vz, damping, bend_stiffness, bend_damping, w):
+    """Copy state and bend springs of vertices to the window, and q = p + tau v, in which bending is linear."""
+    for k in range(count):
+        i, o = begin + k, at + k
+        w[X + o], w[Y + o], w[Z + o] = x[i], y[i], z[i]
+        if damping is not None:
+            w[VX + o], w[VY + o], w[VZ + o] = vx[i], vy[i], vz[i]
+        if bend_stiffness is not None:
+            w[BEND_ACROSS + o], w[BEND_DOWN + o] = bend_stiffness[0, i], bend_stiffness[1, i]
+            if bend_damping is not None:
+                w[QX + o] = x[i] + bend_damping * vx[i]
+                w[QY + o] = y[i] + bend_damping * vy[i]
+                w[QZ + o] = z[i] + bend_damping * vz[i]
+            else:
+                w[QX + o], w[QY + o], w[QZ + o] = x[i], y[i], z[i]
+
+
+@kernel
+def set_fluxes(begin, count, at, to, columns, w, stiffness, rest, damping, bend_stiffness, fluxes):
+    """What the springs that start from each vertex exert on it, and the opposite on their other ends [N].
+
+    Vertices begin to begin + count are in the window `w` from `at` on, and their fluxes go to `to`.
+    """
+    for k in range(count):
+        i, e = at + k, begin + k
+        right, down = i + ONE, i + columns
+        fx, fy, fz = spring_force(w, i, right, stiffness[0, e], rest[0, e], damping)
+        if bend_stiffness is not None:
+            first, second = w[BEND_ACROSS + i - ONE], w[BEND_ACROSS + i]
+            fx += bend_flux(w, QX + i - ONE, QX + i, QX + right, QX + right + ONE, first, second)
+            fy += bend_flux(w, QY + i - ONE, QY + i, QY + right, QY + right + ONE, first, second)
+            fz += bend_flux(w, QZ + i - ONE, QZ + i, QZ + right, QZ + right + ONE, first, second)
+        o = RIGHT + to + k
+        fluxes[o], fluxes[o + TO_Y], fluxes[o + TO_Z] = fx, fy, fz
+
+        fx, fy, fz = spring_force(w, i, down, stiffness[1, e], rest[1, e], damping)
+        if bend_stiffness is not None:
+            up, below = i - columns, down + columns
+            first, second = w[BEND_DOWN + up], w[BEND_DOWN + i]
+            fx += bend_flux(w, QX + up, QX + i, QX + down, QX + below, first, second)
+            fy += bend_flux(w, QY + up, QY + i, QY + down, QY + below, first, second)
+            fz += bend_flux(w, QZ + up, QZ + i, QZ + down, QZ + below, first, second)
+        o = DOWN + to + k
+        fluxes[o], fluxes[o + TO_Y], fluxes[o + TO_Z] = fx, fy, fz
+
+        o = DIAGONAL + to + k
+        fx, fy, fz = spring_force(w, i, down + ONE, stiffness[2, e], rest[2, e], damping)
+        fluxes[o], fluxes[o + TO_Y], fluxes[o + TO_Z] = fx, fy, fz
+
+        o = ANTIDIAGONAL + to + k
+        fx, fy, fz = spring_force(w, i, down - ONE, stiffness[3, e], rest[3, e], damping)
+        fluxes[o], fluxes[o + TO_Y], fluxes[o + TO_Z] = fx, fy, fz
+
+
+@inlined
+def spring_force(w, i, j, stiffness, rest, damping):
+    """Force on i of a spring to j [N]: k (l - l0 + tau dl/dt) u, with u the unit vector towards j (Kelvin and Voigt)."""
+    dx, dy, dz = w[X + j] - w[X + i], w[Y + j] - w[Y + i], w[Z + j] - w[Z + i]
+    # A square nanometre keeps a spring of no length from dividing by zero.
+    squared = dx * dx + dy * dy + dz * dz + w.dtype.type(1e-18)
+    excess = squared - rest * math.sqrt(squared)
+    if damping is not None:
+        vx, vy, vz = w[VX + j] - w[VX + i], w[VY + j] - w[VY + i], w[VZ + j] - w[VZ + i]
+        excess += damping * (vx * dx + vy * dy + vz * dz)
+    pull = stiffness * excess / squared
+    return pull * dx, pull * dy, pull * dz
+
+
+@inlined
+def bend_flux(w, before, i, j, after, first, second):
+    """What bend springs pass from i to j along one coordinate [N], of four places in a row with two springs.
+
+    A bend spring on a, b, c has the energy 1/2 k (q_a - 2 q_b + q_c)^2, the flat-rest quadratic bending energy (Bergou
+    2006, eq. 4, on a regular grid). Its forces (-D, 2 D, -D), D = k (q_a - 2 q_b + q_c), are those of two opposite
+    fluxes, -D from a to b and D from b to c.
+    """
+    step = w[j] - w[i]
+    return first * (step - (w[i] - w[before])) - second * ((w[after] - w[j]) - step)
+
+
+@kernel
+def add_up(begin, count, to, columns, fluxes, fx, fy, fz):
+    """Set the force on each vertex to what leaves it less what arrives at it [N]."""
+    for k in range(count):
+        i, o = begin + k, to + k
+        fx[i] = net_flux(o, columns, fluxes)
+        fy[i] = net_flux(o + TO_Y, columns, fluxes)
+        fz[i] = net_flux(o + TO_Z, columns, fluxes)
+
+
+@inlined
+def net_flux(o, columns, fluxes):
+    """What leaves a vertex less what arrives, along one coordinate [N]."""
+    across = fluxes[RIGHT + o] - fluxes[RIGHT + o - ONE]
+    along = fluxes[DOWN + o] - fluxes[DOWN + o - columns]
+    diagonal = fluxes[DIAGONAL + o] - fluxes[DIAGONAL + o - columns - ONE]
+    antidiagonal = fluxes[ANTIDIAGONAL + o] - fluxes[ANTIDIAGONAL + o - columns + ONE]
+    return (across + along) + (diagonal + antidiagonal)
+
+
+@driver
+def grid_air_forces(lo, hi, s, wind, drag, lift, cells, columns, fx, fy, fz, room):
+    """Add the forces of the air to f[lo:hi] [N].
+
+    `wind` is its velocity [m/s] (3,), `drag` and `lift` are rho Cd / 12 and rho Cl / 12 [kg/m3], `cells` (N,) is 1
+    where a vertex is the first corner of a cell, otherwise 0. Splits as `grid_forces`.
+    """
+    reach = columns + 1
+    tile = tile_size(columns)
+    to = round_up(reach)
+    start = max(lo - reach, 0)
+    clear(np.uint64(to - reach), np.uint64(reach), room.fluxes)
+    if start < lo:
+        air_tile(start, lo, to - (lo - start), s, wind, drag, lift, cells, columns, room)
+    for begin in range(lo, hi, tile):
+        end = min(begin + tile, hi)
+        air_tile(begin, end, to, s, wind, drag, lift, cells, columns, room)
+        add_up_air(np.uint64(begin), np.uint64(end - begin), np.uint64(to), np.uint64(columns), room.fluxes, fx, fy, fz)
+        if end < hi:
+            keep_tail(np.uint64(to + tile - reach), np.uint64(to - reach), np.uint64(reach), room.fluxes)
+
+
+@inlined
+def air_tile(begin, end, to, s, wind, drag, lift, cells, columns, room):
+    """Forces on the corners of the cells that start from vertices begin to end, to the room's place `to`."""
+    dtype = s.x.dtype.type
+    # The last row starts no cells.
+    last = max(begin, min(end, s.x.size - columns - 1))
+    set_air_forces(
+        np.uint64(begin), np.uint64(last - begin), np.uint64(to), np.uint64(columns),
+        s.x, s.y, s.z, s.vx, s.vy, s.vz, cells, dtype(wind[0]), dtype(wind[1]), dtype(wind[2]),
+        dtype(1.0 / 3.0), dtype(drag), dtype(lift), room.fluxes,
+    )  # fmt: skip
+    clear(np.uint64(to + last - begin), np.uint64(end - last), room.fluxes)
+
+
+@kernel
+def set_air_forces(
+    begin, count, to, columns, x, y, z, vx, vy, vz, cells, wind_x, wind_y, wind_z, third, drag, lift, forces
+):
+    """A third of the forces of the air on the triangles (first, right, down) and (last, down, right) of each cell [N]."""
+    for k in range(count):
+        i, o = begin + k, to + k
+        r, d = i + ONE, i + columns
+        e = d + ONE
+        ux, uy, uz = vx[r] + vx[d], vy[r] + vy[d], vz[r] + vz[d]
+        ax, ay, az = triangle_air_force(
+            x[r] - x[i], y[r] - y[i], z[r] - z[i], x[d] - x[i], y[d] - y[i], z[d] - z[i],
+            wind_x - third * (vx[i] + ux), wind_y - third * (vy[i] + uy), wind_z - third * (vz[i] + uz),
+            cells[i], drag, lift,
+        )  # fmt: skip
+        bx, by, bz = triangle_air_force(
+            x[d] - x[e], y[d] - y[e], z[d] - z[e], x[r] - x[e], y[r] - y[e], z[r] - z[e],
+            wind_x - third * (vx[e] + ux), wind_y - third * (vy[e] + uy), wind_z - third * (vz[e] + uz),
+            cells[i], drag, lift,
+        )  # fmt: skip
+        forces[FIRST + o], forces[FIRST + TO_Y + o], forces[FIRST + TO_Z + o] = ax, ay, az
+        forces[SHARED + o], forces[SHARED + TO_Y + o], forces[SHARED + TO_Z + o] = ax + bx, ay + by, az + bz
+        forces[LAST + o], forces[LAST + TO_Y + o], forces[LAST + TO_Z + o] = bx, by, bz
+
+
+@inlined
+def triangle_air_force(px, py, pz, qx, qy, qz, ux, uy, uz, present, drag, lift):
     """A third of the force of the air on a triangle with edges p and q from one corner, at relative wind u [N].
 
     F = rho/2 A (n.u) (Cd u + Cl (|u| n - (n.u/|u|) u)) with n the unit normal turned along u: drag on the projected
     area along u, lift across it. `drag` and `lift` are rho Cd / 12 and rho Cl / 12: a third, of a half, of half a cross
-    product's length.
+    product's length. `present` is 1, or 0 for no triangle.
     """
     nx, ny, nz = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
-    flow = nx * ux + ny * uy + nz * uz
-    speed = math.sqrt(ux * ux + uy * uy + uz * uz + tiny)
-    doubled_area = math.sqrt(nx * nx + ny * ny + nz * nz + tiny * tiny)
-    along = abs(flow) * (drag - lift * abs(flow) / (doubled_area * speed))
-    across = flow * lift * speed / doubled_area
+    flow = present * (nx * ux + ny * uy + nz * uz)
+    squared = ux * ux + uy * uy + uz * uz
+    # |n| |u|, never zero: without area or wind there is no flow either.
+    product = math.sqrt((nx * nx + ny * ny + nz * nz) * squared + type(squared)(1e-30))
+    share = lift * flow / product
+    along, across = drag * abs(flow) - share * flow, share * squared
     return along * ux + across * nx, along * uy + across * ny, along * uz + across * nz
 
 
 @kernel
-def air_forces(
-    columns, x, y, z, vx, vy, vz, cells, wind_x, wind_y, wind_z, third, drag, lift, tiny, ax, ay, az, bx, by, bz
-):
-    """A third of the force of the air on the two triangles of each cell [N].
-
-    The triangles are (i, i+1, i+columns) in `a` and (i+columns+1, i+columns, i+1) in `b`; `cells` is 1 where vertex i
-    is the first corner of a cell, otherwise 0. `drag`, `lift` and `tiny` as in `triangle_air_force`; `third` is 1/3.
-    """
-    xr, yr, zr, vxr, vyr, vzr = x[1:], y[1:], z[1:], vx[1:], vy[1:], vz[1:]
-    xd, yd, zd, vxd, vyd, vzd = x[columns:], y[columns:], z[columns:], vx[columns:], vy[columns:], vz[columns:]
-    last = columns + 1
-    xe, ye, ze, vxe, vye, vze = x[last:], y[last:], z[last:], vx[last:], vy[last:], vz[last:]
-    for i in range(xe.size):
-        shared_x, shared_y, shared_z = vxr[i] + vxd[i], vyr[i] + vyd[i], vzr[i] + vzd[i]
-        fx, fy, fz = triangle_air_force(
-            xr[i] - x[i],
-            yr[i] - y[i],
-            zr[i] - z[i],
-            xd[i] - x[i],
-            yd[i] - y[i],
-            zd[i] - z[i],
-            wind_x - third * (vx[i] + shared_x),
-            wind_y - third * (vy[i] + shared_y),
-            wind_z - third * (vz[i] + shared_z),
-            drag,
-            lift,
-            tiny,
-        )
-        ax[i], ay[i], az[i] = cells[i] * fx, cells[i] * fy, cells[i] * fz
-        fx, fy, fz = triangle_air_force(
-            xd[i] - xe[i],
-            yd[i] - ye[i],
-            zd[i] - ze[i],
-            xr[i] - xe[i],
-            yr[i] - ye[i],
-            zr[i] - ze[i],
-            wind_x - third * (vxe[i] + shared_x),
-            wind_y - third * (vye[i] + shared_y),
-            wind_z - third * (vze[i] + shared_z),
-            drag,
-            lift,
-            tiny,
-        )
-        bx[i], by[i], bz[i] = cells[i] * fx, cells[i] * fy, cells[i] * fz
+def add_up_air(begin, count, to, columns, forces, fx, fy, fz):
+    """Give each vertex its part of the forces on the four cells around it [N]."""
+    for k in range(count):
+        i, o = begin + k, to + k
+        fx[i] += corner_sum(o, columns, forces)
+        fy[i] += corner_sum(o + TO_Y, columns, forces)
+        fz[i] += corner_sum(o + TO_Z, columns, forces)
 
 
-@kernel
-def add_air_forces(columns, a, b, f):
-    """Give each corner of a cell's two triangles its third of the force, along one coordinate."""
-    count = f.size - columns - 1
-    for i in range(count):
-        f[i] += a[i]
-    right = f[1:]
-    for i in range(count):
-        right[i] += a[i] + b[i]
-    down = f[columns:]
-    for i in range(count):
-        down[i] += a[i] + b[i]
-    across = f[columns + 1 :]
-    for i in range(count):
-        across[i] += b[i]
-
-
-@kernel
-def advance(dt, gravity_x, gravity_y, gravity_z, inverse_mass, fx, fy, fz, x, y, z, vx, vy, vz):
-    """One step of symplectic Euler: v += dt a, then x += dt v with the new v. Clears the forces."""
-    for i in range(x.size):
-        a = dt * inverse_mass[i]
-        vx[i] += a * fx[i] + dt * gravity_x
-        vy[i] += a * fy[i] + dt * gravity_y
-        vz[i] += a * fz[i] + dt * gravity_z
-        x[i] += dt * vx[i]
-        y[i] += dt * vy[i]
-        z[i] += dt * vz[i]
-        fx[i] = 0
-        fy[i] = 0
-        fz[i] = 0
+@inlined
+def corner_sum(o, columns, forces):
+    """Sum over the four cells around a vertex, along one coordinate [N]."""
+    shared = forces[SHARED + o - ONE] + forces[SHARED + o - columns]
+    return (forces[FIRST + o] + forces[LAST + o - columns - ONE]) + shared
