@@ -1,0 +1,99 @@
+"""What it costs that threads share a cloth, and what it brings that they share many capes.
+
+    python tests/bench/team.py [capes]
+
+A meeting of two ranks, inside one compiled loop; the launch of a team that does nothing, over a plain call; a step of a
+single substep, which is nearly all Python and holds the interpreter's lock; and the throughput of a batch on two
+threads over that on one, beside what the machine gives two threads that share nothing. Times are minima of repeats,
+ratios are medians over the frames before which the machine had two cores to give.
+"""
+
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from cape import Pose, Simulation, SymplecticEuler
+from cape.batch import Batch
+from cape.kernels.jit import driver
+from cape.kernels.team import meet
+from cape.scenes import plain
+from cape.team import run
+
+MEETINGS = 10_000
+QUIET = 1.8  # throughput of two threads that share nothing, from which on a ratio counts
+
+
+@driver
+def meet_often(times, team):
+    for _ in range(times):
+        meet(team)
+
+
+@driver
+def sum_often(times):
+    total = 0.0
+    for i in range(times):
+        total += i % 7 * 1.1
+    return total
+
+
+def seconds(act: Callable[[], object], repeats: int = 200) -> float:
+    """Least time of a call [s]."""
+    best = np.inf
+    for _ in range(repeats):
+        start = time.perf_counter()
+        act()
+        best = min(best, time.perf_counter() - start)
+    return best
+
+
+def side_by_side(times: int) -> float:
+    """Throughput of two threads that share nothing, over that of one."""
+
+    def both() -> None:
+        other = threading.Thread(target=sum_often, args=(times,))
+        other.start()
+        sum_often(times)
+        other.join()
+
+    return 2.0 * seconds(lambda: sum_often(times), 1) / seconds(both, 1)
+
+
+def main(capes: int = 64) -> None:
+    """Print a row a figure."""
+    run(meet_often, lambda team: (1, team), 2)
+    many = seconds(lambda: run(meet_often, lambda team: (MEETINGS, team), 2), 20)
+    print(f"meeting of two ranks      {many / MEETINGS * 1e9:8.0f} ns")
+    alone, two = (seconds(lambda size=size: run(meet_often, lambda team: (1, team), size), 2000) for size in (1, 2))
+    print(f"launch of two ranks       {(two - alone) * 1e6:8.1f} us")
+
+    scene, track = plain(seconds=2.0).scene, plain(seconds=2.0).track
+    chosen = [track.index(bone) for bone in scene.bones]
+    poses = [Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]) for f in range(track.frames)]
+    short = Simulation(scene, solver=SymplecticEuler(substeps=1))
+    short.start(poses[0], settle=0.0)
+    print(f"step of a single substep  {seconds(lambda: short.step(poses[0], 1e-6)) * 1e6:8.0f} us")
+
+    batches = {threads: Batch([Simulation(scene) for _ in range(capes)], threads=threads) for threads in (1, 2)}
+    for batch in batches.values():
+        batch.start([poses[0]] * capes)
+    sum_often(1)
+    steps: dict[int, list[float]] = {threads: [] for threads in batches}
+    machine = []
+    for pose in poses[1:]:
+        machine.append(side_by_side(5_000_000))
+        for threads, batch in batches.items():
+            steps[threads].append(seconds(lambda batch=batch, pose=pose: batch.step([pose] * capes, 1 / 60), 1))
+    one, both = np.array(steps[1]), np.array(steps[2])
+    quiet = np.array(machine) > QUIET
+    print(f"step of a cape            {one.min() / capes * 1e6:8.0f} us, {scene.cloth.vertices} vertices")
+    print(f"{capes:3d} capes on two threads  {np.median((one / both)[quiet]) if quiet.any() else np.nan:8.2f} x")
+    print(f"two that share nothing    {np.median(np.array(machine)[quiet]) if quiet.any() else np.nan:8.2f} x")
+    print(f"frames that count         {quiet.sum():8d} of {len(quiet)}")
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))
