@@ -9,8 +9,8 @@ Every stage finds positions x with v = (x - xt) / b and M (v - vt) / b = f(x, v)
 
 Bank et al. 1985, "Transient simulation of silicon devices and circuits"; Hosea and Shampine 1996, "Analysis and
 implementation of TR-BDF2". As they advise, a0 is that of the stage before, (v - vt) / b, which needs no digits of a
-stiff spring's length. Contact is left out of it: its force is large and may be gone a moment later; what a resting
-vertex needs, the stage itself finds.
+stiff spring's length. Contact enters it as far as it holds back other forces: the force of an impact is large and gone
+a moment later.
 
 Newton's method with a line search on the directional derivative alone, since neither damping, air nor friction has an
 energy: a step is taken unless the derivative changes sign and is nearly as large as before (the curvature condition of
@@ -64,7 +64,7 @@ def evaluate(lo, hi, problem, penalty, b, team):
     )  # fmt: skip
     meet(team)
     compute_forces(lo, hi, s, problem.model, f[0], f[1], f[2], problem.scratch, team)
-    press_all(lo, hi, problem.contacts, problem.bones, s, b, penalty)
+    press_all(lo, hi, problem.contacts, problem.bones, inertia.mass, s, b, penalty)
     add_pressure(lo, hi, penalty, f)
     subtract_inertia(
         rate, dtype(g[0]), dtype(g[1]), dtype(g[2]), inertia.free[lo:hi], inertia.mass[lo:hi],
@@ -175,18 +175,40 @@ def accelerate(lo, hi, problem, b, team):
 
 
 @driver
-def keep_acceleration(lo, hi, problem, penalty, b):
+def keep_acceleration(lo, hi, problem, b):
     """Note the accelerations at the end of a step, without those of contact."""
     s, work = problem.state, problem.work
     note_acceleration(
         s.x.dtype.type(1.0 / b), s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.target[:, lo:hi],
         work.acceleration[:, lo:hi],
     )  # fmt: skip
+    _without_contact(lo, hi, problem.inertia.inverse_mass, work.acceleration, problem.penalty)
+
+
+@driver
+def _without_contact(lo, hi, inverse_mass, acceleration, penalty):
     if penalty is not None:
-        w = problem.inertia.inverse_mass
         for axis in range(3):
             for i in range(lo, hi):
-                work.acceleration[axis, i] -= w[i] * penalty.force[axis, i]
+                acceleration[axis, i] -= inverse_mass[i] * penalty.force[axis, i]
+
+
+@driver
+def balance(lo, hi, inverse_mass, acceleration, penalty):
+    """Add the share of each vertex's contact force that brings its acceleration closest to zero, at most all of it.
+
+    A vertex at rest keeps the force that it needs; one that has just been stopped is not thrown back.
+    """
+    if penalty is not None:
+        a, f = acceleration, penalty.force
+        for i in range(lo, hi):
+            w = inverse_mass[i]
+            squared = w * (f[0, i] * f[0, i] + f[1, i] * f[1, i] + f[2, i] * f[2, i])
+            if squared > 0.0:
+                share = -(a[0, i] * f[0, i] + a[1, i] * f[1, i] + a[2, i] * f[2, i]) / squared
+                share = w * min(max(share, 0.0), 1.0)
+                for axis in range(3):
+                    a[axis, i] += share * f[axis, i]
 
 
 @driver
@@ -251,6 +273,8 @@ def tr_bdf2_frame(problem, substeps, duration, team):
         look_around(lo, hi, contacts.capsules, contacts.thickness, problem.bones, s, h)
         if substep == 0:
             accelerate(lo, hi, problem, b, team)
+            press_all(lo, hi, contacts, problem.bones, problem.inertia.mass, s, b, problem.penalty)
+            balance(lo, hi, problem.inertia.inverse_mass, work.acceleration, problem.penalty)
         begin_trapezoid(
             dtype(b), work.acceleration[:, lo:hi], s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
             s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.start[:, lo:hi], work.target[:, lo:hi],
@@ -263,5 +287,6 @@ def tr_bdf2_frame(problem, substeps, duration, team):
         )  # fmt: skip
         place_bones(lo, hi, problem, (substep + 1) * h, b)
         solve_stage(lo, hi, problem, b, team)
-        keep_acceleration(lo, hi, problem, problem.penalty, b)
+        keep_acceleration(lo, hi, problem, b)
+        balance(lo, hi, problem.inertia.inverse_mass, work.acceleration, problem.penalty)
         leave_colliders(lo, hi, problem, contacts, substep, h)

@@ -26,6 +26,7 @@ from cape.kernels.distance import to_box, to_capsule, to_plane
 from cape.kernels.jit import driver, inlined
 
 SLIP = 1e-3  # m/s below which friction gives way: less sticks better, and costs iterations
+HARD = 10.0  # contact stiffness over mass / b^2, at least: a vertex alone is stopped within a tenth of its way
 SLACK = 0.01  # m that a vertex may move in a step beyond what its speed tells
 
 
@@ -60,7 +61,7 @@ def press(i, depth, nx, ny, nz, bone, friction, stiffness, rate, m, s, force, bl
 
 
 @driver
-def press_capsules(lo, hi, capsules, free, thickness, stiffness, rate, m, s, force, blocks):
+def press_capsules(lo, hi, capsules, free, thickness, least, mass, rate, m, s, force, blocks):
     """Add the contacts of the vertices lo to hi with the capsules near them."""
     if capsules is not None:
         placed = capsules.placed
@@ -79,12 +80,12 @@ def press_capsules(lo, hi, capsules, free, thickness, stiffness, rate, m, s, for
                         )  # fmt: skip
                         press(
                             i, -distance, nx, ny, nz, capsules.bones[c], coefficient(capsules.friction, c),
-                            stiffness[i], rate, m, s, force, blocks,
+                            least[i] + HARD * rate * rate * mass[i], rate, m, s, force, blocks,
                         )  # fmt: skip
 
 
 @driver
-def press_planes(lo, hi, planes, free, thickness, stiffness, rate, m, s, force, blocks):
+def press_planes(lo, hi, planes, free, thickness, least, mass, rate, m, s, force, blocks):
     """Add the contacts of the vertices lo to hi with all planes."""
     if planes is not None:
         dtype = s.x.dtype.type
@@ -103,12 +104,12 @@ def press_planes(lo, hi, planes, free, thickness, stiffness, rate, m, s, force, 
                 if distance < thickness and free[i]:
                     press(
                         i, thickness - distance, nx, ny, nz, b, coefficient(planes.friction, p),
-                        stiffness[i], rate, m, s, force, blocks,
+                        least[i] + HARD * rate * rate * mass[i], rate, m, s, force, blocks,
                     )  # fmt: skip
 
 
 @driver
-def press_boxes(lo, hi, boxes, free, thickness, stiffness, rate, m, s, force, blocks):
+def press_boxes(lo, hi, boxes, free, thickness, least, mass, rate, m, s, force, blocks):
     """Add the contacts of the vertices lo to hi with all boxes."""
     if boxes is not None:
         r = boxes.room
@@ -141,21 +142,21 @@ def press_boxes(lo, hi, boxes, free, thickness, stiffness, rate, m, s, force, bl
                         r[0, 0] * nx + r[0, 1] * ny + r[0, 2] * nz,
                         r[1, 0] * nx + r[1, 1] * ny + r[1, 2] * nz,
                         r[2, 0] * nx + r[2, 1] * ny + r[2, 2] * nz,
-                        b, coefficient(boxes.friction, k), stiffness[i], rate, m, s, force, blocks,
+                        b, coefficient(boxes.friction, k), least[i] + HARD * rate * rate * mass[i], rate, m, s, force, blocks,
                     )  # fmt: skip
 
 
 @driver
-def press_all(lo, hi, contacts, m, s, b, penalty):
+def press_all(lo, hi, contacts, m, mass, s, b, penalty):
     """Set the contact forces of the vertices lo to hi [N] and minus their derivatives [N/m]; nothing for None."""
     if penalty is not None:
         penalty.force[:, lo:hi] = 0
         penalty.blocks[:, lo:hi] = 0
         free, thickness, rate = contacts.free, contacts.thickness, 1.0 / b
-        k, f, a = penalty.stiffness, penalty.force, penalty.blocks
-        press_capsules(lo, hi, contacts.capsules, free, thickness, k, rate, m, s, f, a)
-        press_planes(lo, hi, contacts.planes, free, thickness, k, rate, m, s, f, a)
-        press_boxes(lo, hi, contacts.boxes, free, thickness, k, rate, m, s, f, a)
+        k, f, a = penalty.least, penalty.force, penalty.blocks
+        press_capsules(lo, hi, contacts.capsules, free, thickness, k, mass, rate, m, s, f, a)
+        press_planes(lo, hi, contacts.planes, free, thickness, k, mass, rate, m, s, f, a)
+        press_boxes(lo, hi, contacts.boxes, free, thickness, k, mass, rate, m, s, f, a)
 
 
 @driver

@@ -1,7 +1,6 @@
 """Implicit solvers for what explicit steps cannot reach: backward Euler and TR-BDF2."""
 
 import math
-import os
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +18,8 @@ from cape.kernels.records import Attached, Contacts, ForceModel, Motion, MotionR
 from cape.solvers.base import Solver
 from motions.errors import ValueRangeError
 
-INNER = np.dtype(os.environ.get("INNER", "float32")).type
+PRESSED = 0.1  # of the thickness
+INNER = np.float32  # precision of the linear systems, whose solutions the next Newton step corrects
 Array = NDArray[np.floating]
 
 
@@ -76,9 +76,9 @@ class Settings(NamedTuple):
 
 
 class Penalty(NamedTuple):
-    """Contact: `stiffness` [N/m] (N,), and room for forces [N] (3, N) and for minus their derivatives [N/m] (6, N)."""
+    """Contact: `least` stiffness [N/m] (N,), and room for forces [N] (3, N) and for minus their derivatives [N/m] (6, N)."""
 
-    stiffness: Array
+    least: Array
     force: Array
     blocks: Array
 
@@ -129,7 +129,7 @@ class ImplicitSolver(Solver):
         linear_iterations: of the conjugate gradients, at most in a Newton step.
     """
 
-    tolerance: float = 1e-4
+    tolerance: float = 1e-5
     iterations: int = 40
     forcing: float = 0.1
     linear_iterations: int = 500
@@ -295,8 +295,7 @@ def matrix_of(assembly: Assembly, dtype: type[np.floating]) -> Matrix:
 
 
 def _penalty(assembly: Assembly, dtype: type[np.floating]) -> Penalty:
-    """Contact as stiff as the springs of each vertex together: it yields less than the cloth does."""
-    springs, count = assembly.springs, assembly.cloth.vertices
-    ends = np.concatenate([springs.first, springs.second])
-    stiffness = np.bincount(ends, weights=np.tile(springs.stiffness, 2), minlength=count)
-    return Penalty(stiffness.astype(dtype), np.zeros((3, count), dtype), np.zeros((6, count), dtype))
+    """Contact that the weight of the whole cloth on a single vertex presses in by a tenth of the thickness."""
+    count, thickness = assembly.cloth.vertices, assembly.scene.thickness
+    least = 9.81 * float(assembly.mass.sum()) / (PRESSED * max(thickness, 1e-4))
+    return Penalty(np.full(count, least, dtype), np.zeros((3, count), dtype), np.zeros((6, count), dtype))
