@@ -6,7 +6,7 @@ They also run with the compiler off: NUMBA_DISABLE_JIT=1.
 import numpy as np
 import pytest
 
-from cape.kernels import bones, grid, measure, xpbd
+from cape.kernels import bones, euler, measure, xpbd
 from motions import quaternions
 
 ROWS, COLUMNS = 5, 4
@@ -26,90 +26,13 @@ def grid_points(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([x, y, 0 * x]) + 0.3 * rng.standard_normal((3, N)), rng.standard_normal((3, N))
 
 
-def belongs(offset_columns: int, offset_rows: int) -> np.ndarray:
-    """Whether the vertex that far from each is on the grid, shape (N,)."""
-    row, column = np.divmod(np.arange(N), COLUMNS)
-    column, row = column + offset_columns, row + offset_rows
-    return (column >= 0) & (column < COLUMNS) & (row < ROWS)
-
-
-@pytest.mark.parametrize(("across", "down"), [(1, 0), (0, 1), (1, 1), (-1, 1)])
-def test_spring_forces(rng: np.random.Generator, across: int, down: int):
-    p, v = grid_points(rng)
-    offset, tau = down * COLUMNS + across, 0.1
-    stiffness = np.where(belongs(across, down), rng.uniform(1, 2, N), 0.0)
-    rest = rng.uniform(0.5, 1.5, N)
-    forces, room = np.zeros((3, N)), np.zeros((3, N))
-    grid.spring_forces(offset, *p, *v, stiffness, rest, tau, 1e-18, *room)
-    grid.add_spring_forces(offset, *room, *forces)
-    expected = np.zeros((3, N))
-    for i in np.flatnonzero(stiffness):
-        d, r = p[:, i + offset] - p[:, i], v[:, i + offset] - v[:, i]
-        length = np.linalg.norm(d)
-        u = d / length
-        force = stiffness[i] * (length - rest[i] + tau * (r @ u)) * u
-        expected[:, i] += force
-        expected[:, i + offset] -= force
-    np.testing.assert_allclose(forces, expected, atol=ROUNDING)
-
-
-def test_a_spring_of_no_length_pulls_nowhere():
-    zero, room = np.zeros(2), np.zeros((3, 2))
-    grid.spring_forces(1, zero, zero, zero, zero, zero, zero, np.ones(2), np.ones(2), 0.1, 1e-18, *room)
-    np.testing.assert_array_equal(room, 0.0)
-
-
-@pytest.mark.parametrize("offset", [1, COLUMNS], ids=["across", "down"])
-def test_bend_forces_are_minus_the_gradient_of_their_energy(rng: np.random.Generator, offset: int):
-    (p, *_), (v, *_) = grid_points(rng)
-    across = offset == 1
-    stiffness = np.where(belongs(2 * across, 2 * (not across)), rng.uniform(1, 2, N), 0.0)
-    tau = 0.1
-    force, room = np.zeros(N), np.zeros(N)
-    grid.add_bend_forces(offset, p, v, stiffness, tau, room, force)
-    second = np.zeros((N, N))
-    for i in np.flatnonzero(stiffness):
-        second[i, [i, i + offset, i + 2 * offset]] = 1, -2, 1
-    # E = 1/2 k (D p)^2, so f = -D^T k D p, and the same of the velocities for damping.
-    np.testing.assert_allclose(force, -second.T @ (stiffness * (second @ (p + tau * v))), atol=ROUNDING)
-
-
-def test_air_forces(rng: np.random.Generator):
-    p, v = grid_points(rng)
-    wind, density, drag, lift = np.array([1.0, -2.0, 0.5]), 1.2, 1.1, 0.6
-    cells = belongs(1, 1).astype(float)
-    room, forces = np.zeros((6, N)), np.zeros((3, N))
-    grid.air_forces(COLUMNS, *p, *v, cells, *wind, 1 / 3, density * drag / 12, density * lift / 12, 1e-12, *room)
-    for axis in range(3):
-        grid.add_air_forces(COLUMNS, room[axis], room[3 + axis], forces[axis])
-    expected = np.zeros((3, N))
-    for i in np.flatnonzero(cells):
-        for corners in ([i, i + 1, i + COLUMNS], [i + COLUMNS + 1, i + COLUMNS, i + 1]):
-            a, b, c = p[:, corners].T
-            doubled = np.cross(b - a, c - a)
-            area, n = np.linalg.norm(doubled) / 2, doubled / np.linalg.norm(doubled)
-            u = wind - v[:, corners].mean(axis=1)
-            n = n if n @ u > 0 else -n
-            speed = np.linalg.norm(u)
-            force = density / 2 * area * (n @ u) * (drag * u + lift * (speed * n - (n @ u) / speed * u))
-            expected[:, corners] += force[:, None] / 3
-    # `tiny` of 1e-12 in squares near one.
-    np.testing.assert_allclose(forces, expected, atol=1e-11)
-
-
-def test_air_exerts_nothing_where_there_is_no_flow_or_no_area():
-    p, q, zero = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0)
-    assert grid.triangle_air_force(*p, *q, *zero, 0.1, 0.1, 1e-12) == (0.0, 0.0, 0.0)
-    assert grid.triangle_air_force(*p, *p, 1.0, 2.0, 3.0, 0.1, 0.1, 1e-12) == (0.0, 0.0, 0.0)
-
-
 def test_advance_and_predict_take_the_same_step(rng: np.random.Generator):
     p, v = grid_points(rng)
     forces, weights, gravity, dt = rng.standard_normal((3, N)), rng.uniform(1, 2, N), (0.1, 0.2, -9.0), 0.01
     following = v + dt * (weights * forces + np.array(gravity)[:, None])
-    for take_step in (grid.advance, xpbd.predict):
+    for take_step in (euler.advance, xpbd.predict):
         x, u, f, old = p.copy(), v.copy(), forces.copy(), np.zeros((3, N))
-        rooms = () if take_step is grid.advance else tuple(old)
+        rooms = () if take_step is euler.advance else tuple(old)
         take_step(dt, *gravity, weights, *f, *x, *u, *rooms)
         np.testing.assert_allclose(u, following, atol=ROUNDING)
         np.testing.assert_allclose(x, p + dt * following, atol=ROUNDING)

@@ -199,7 +199,7 @@ def set_fluxes(begin, count, at, to, columns, w, stiffness, rest, damping, bend_
 
 @inlined
 def spring_force(w, i, j, stiffness, rest, damping):
-    """Force on i of a spring to j [N]: k (l - l0 + tau dl/dt) u, with u the unit vector towards j (Kelvin and Voigt)."""
+    """Force on i of a spring to j [N]: k (l - l0 + tau dl/dt) u, u the unit vector towards j (Kelvin and Voigt)."""
     dx, dy, dz = w[X + j] - w[X + i], w[Y + j] - w[Y + i], w[Z + j] - w[Z + i]
     # A square nanometre keeps a spring of no length from dividing by zero.
     squared = dx * dx + dy * dy + dz * dz + w.dtype.type(1e-18)
@@ -283,7 +283,7 @@ def air_tile(begin, end, to, s, wind, drag, lift, cells, columns, room):
 def set_air_forces(
     begin, count, to, columns, x, y, z, vx, vy, vz, cells, wind_x, wind_y, wind_z, third, drag, lift, forces
 ):
-    """A third of the forces of the air on the triangles (first, right, down) and (last, down, right) of each cell [N]."""
+    """A third of the air's forces on the triangles (first, right, down) and (last, down, right) of each cell [N]."""
     for k in range(count):
         i, o = begin + k, to + k
         r, d = i + ONE, i + columns
