@@ -1,0 +1,189 @@
+"""From springs and triangles of a mesh to the rows and lists of `cape.kernels.mesh`.
+
+Bending is linear in the positions and the same wherever the cloth is, so that its force is a sum over pairs of vertices
+too: of 1/2 k |sum c_a p_a|^2 with zero sum of c, the force on a is sum_b -k c_a c_b (p_b - p_a). The pairs of a hinge
+are those of the springs, five edges and a cross spring; so bending costs no pass of its own.
+"""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.cloth import Cloth
+from cape.kernels.mesh import SLICE
+from cape.kernels.records import MeshAir, MeshBends, MeshSprings
+from cape.springs import Springs
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class Rows(NamedTuple):
+    """Where items, owned by one of their vertices, stand: `item` (L,) is at [`row`, `owner`] of `total` rows of N."""
+
+    item: IntArray
+    row: IntArray
+    owner: IntArray
+    total: int
+
+
+class Links(NamedTuple):
+    """Pairs of vertices (L, 2), owner first, their springs and the weight of bending between them (L,), in rows."""
+
+    pairs: IntArray
+    stiffness: FloatArray
+    rest: FloatArray
+    weight: FloatArray
+    rows: Rows
+
+
+def mesh_springs_record(springs: Springs, vertices: int, dtype: type[np.floating]) -> MeshSprings:
+    """Lay out the springs of a mesh in a solver's precision, on the links that bending needs as well."""
+    links = _links_of(springs, vertices)
+    start, incoming = _lists(links.rows, links.pairs[:, 1:], vertices)
+    return MeshSprings(
+        second=_table(links.rows, links.pairs[:, 1], np.tile(np.arange(vertices), (links.rows.total, 1)), np.uint32),
+        stiffness=_table(links.rows, links.stiffness, np.zeros((links.rows.total, vertices)), dtype),
+        rest=_table(links.rows, links.rest, np.ones((links.rows.total, vertices)), dtype),
+        start=start,
+        incoming=incoming,
+        **_room(links.rows.total, vertices, 3, dtype),
+    )
+
+
+def mesh_bends_record(springs: Springs, vertices: int, dtype: type[np.floating]) -> MeshBends:
+    """Lay out the bending of a mesh in a solver's precision, on the same links as `mesh_springs_record`."""
+    links = _links_of(springs, vertices)
+    return MeshBends(_table(links.rows, links.weight, np.zeros((links.rows.total, vertices)), dtype))
+
+
+def mesh_air_record(cloth: Cloth, wind: FloatArray, drag: float, lift: float, dtype: type[np.floating]) -> MeshAir:
+    """Lay out the triangles of a mesh in a solver's precision; `wind` [m/s] is kept, to be changed from outside.
+
+    `drag` and `lift` are rho Cd / 12 and rho Cl / 12 [kg/m3].
+    """
+    n, triangles = cloth.vertices, cloth.triangles.astype(np.int64)
+    owned, rows = _share_out(triangles, n)
+    start, incoming = _lists(rows, owned[:, 1:], n)
+    itself = np.tile(np.arange(n), (rows.total, 1))
+    return MeshAir(
+        wind=wind,
+        drag=drag,
+        lift=lift,
+        second=_table(rows, owned[:, 1], itself, np.uint32),
+        third=_table(rows, owned[:, 2], itself, np.uint32),
+        start=start,
+        incoming=incoming,
+        **_room(rows.total, n, 6, dtype),
+    )
+
+
+def _room(rows: int, vertices: int, ends: int, dtype: type[np.floating]) -> dict[str, Any]:
+    """Room of the kernels: words hold two numbers of the precision."""
+    word = np.uint64 if np.dtype(dtype) == np.float32 else np.complex128
+    return {
+        "words": np.zeros((3, vertices), word),
+        "ends": np.zeros((ends, vertices), word),
+        "forces": np.zeros((3, rows * vertices + 1), dtype),
+    }
+
+
+@lru_cache(maxsize=1)
+def _links_of(springs: Springs, vertices: int) -> Links:
+    a, b = np.triu_indices(4, 1)
+    c, hinges = springs.bend_coefficients, springs.bend_vertices
+    first = np.concatenate([springs.first, hinges[:, a].ravel()])
+    second = np.concatenate([springs.second, hinges[:, b].ravel()])
+    weight = np.concatenate(
+        [np.zeros(len(springs.first)), (-springs.bend_stiffness[:, None] * c[:, a] * c[:, b]).ravel()]
+    )
+    stiffness = np.concatenate([springs.stiffness, np.zeros(hinges[:, a].size)])
+    rest = np.concatenate([springs.rest, np.zeros(hinges[:, a].size)])
+    key, link = np.unique(np.minimum(first, second) * vertices + np.maximum(first, second), return_inverse=True)
+    # Two springs between the same vertices are one with the sum of their stiffness and of their tensions.
+    stiffness, tension = (np.bincount(link, values).astype(float) for values in (stiffness, stiffness * rest))
+    sprung = stiffness > 0.0
+    pairs, rows = _share_out(np.stack([key // vertices, key % vertices], axis=1), vertices)
+    return Links(
+        pairs=pairs,
+        stiffness=stiffness,
+        rest=np.where(sprung, tension / np.where(sprung, stiffness, 1.0), 1.0),
+        weight=np.bincount(link, weight).astype(float),
+        rows=rows,
+    )
+
+
+def _share_out(items: IntArray, vertices: int) -> tuple[IntArray, Rows]:
+    """Give each item (L, m) to one of its m vertices so that all own about as many.
+
+    Returns the items with their owner first, shape (L, m), and where they stand. Each goes to whoever owns least; then
+    whoever owns more than the mean, rounded up, passes items on along the shortest way to one who owns less.
+    """
+    owned: list[list[int]] = [[] for _ in range(vertices)]
+    members = items.tolist()
+    for item, candidates in enumerate(members):
+        min((owned[v] for v in candidates), key=len).append(item)
+    most = -(-len(members) // vertices)
+    for vertex in range(vertices):
+        while len(owned[vertex]) > most:
+            if not _pass_on(vertex, owned, members, most):
+                most += 1
+    owner = np.repeat(np.arange(vertices), [len(o) for o in owned])
+    item = np.array([i for o in owned for i in sorted(o)], dtype=np.int64)
+    row = np.array([k for o in owned for k in range(len(o))], dtype=np.int64)
+    place = np.argmax(items[item] == owner[:, None], axis=1)
+    turned = items.copy()
+    turned[item] = np.take_along_axis(
+        items[item], (place[:, None] + np.arange(items.shape[1])) % items.shape[1], axis=1
+    )
+    return turned, Rows(item, row, owner, int(row.max()) + 1)
+
+
+def _pass_on(vertex: int, owned: list[list[int]], members: list[list[int]], most: int) -> bool:
+    """Take one item from a vertex, in a chain that ends at one who owns less than `most`; False if there is none."""
+    came: dict[int, tuple[int, int]] = {vertex: (vertex, -1)}
+    queue = [vertex]
+    for giver in queue:
+        for item in owned[giver]:
+            for taker in members[item]:
+                if taker in came:
+                    continue
+                came[taker] = (giver, item)
+                if len(owned[taker]) >= most:
+                    queue.append(taker)
+                    continue
+                while taker != vertex:
+                    giver, item = came[taker]
+                    owned[giver].remove(item)
+                    owned[taker].append(item)
+                    taker = giver
+                return True
+    return False
+
+
+def _table(rows: Rows, values: NDArray[Any], blank: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
+    """Values of items (L,) in rows (D, N), over what a place without item holds."""
+    table = blank.astype(dtype)
+    table[rows.row, rows.owner] = values[rows.item]
+    return table
+
+
+def _lists(rows: Rows, others: IntArray, vertices: int) -> tuple[IntArray, NDArray[np.uint32]]:
+    """For each vertex the places of items that others own, `others` (L, m - 1) being those who do not.
+
+    Returns where each slice begins, shape (slices + 1,), and its lists, all as long as the longest of the slice.
+    """
+    place = np.repeat(rows.row * vertices + rows.owner, others.shape[1])
+    vertex = others[rows.item].ravel()
+    order = np.lexsort((place, vertex))
+    place, vertex = place[order], vertex[order]
+    count = np.bincount(vertex, minlength=vertices)
+    slices = -(-vertices // SLICE)
+    width = np.pad(count, (0, slices * SLICE - vertices)).reshape(slices, SLICE).max(axis=1)
+    start = np.concatenate([[0], np.cumsum(width * SLICE)])
+    incoming = np.full(start[-1], rows.total * vertices, np.uint32)
+    nth = np.arange(len(vertex)) - (np.cumsum(count) - count)[vertex]
+    incoming[start[vertex // SLICE] + vertex % SLICE * width[vertex // SLICE] + nth] = place
+    return start, incoming
