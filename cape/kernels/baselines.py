@@ -63,7 +63,7 @@ def scalar_step(
 @inlined
 def move(step, inverse_mass, fx, fy, fz, x, y, z, vx, vy, vz):
     """Symplectic Euler: v += dt a, then x += dt v with the new v."""
-    for i in range(x.size):
+    for i in range(inverse_mass.size):
         a = step * inverse_mass[i]
         vx[i] += a * fx[i]
         vy[i] += a * fy[i]
@@ -78,39 +78,45 @@ def limit_step(
     substeps, step, inverse_mass, stiffness, rest, damping, bend_coefficients, bend_stiffness, bend_damping,
     forces, states,
 ):  # fmt: skip
-    """Do the arithmetic of `scalar_step` on contiguous data: no index, no overlap, all in a few short arrays.
+    """Do the arithmetic of `scalar_step` on contiguous data: no index, no overlap, and the state stays in the cache.
 
-    `states` (m, 6, N) and `forces` (m, 3, N) are those of m strangers: a spring joins vertex i of the first to vertex i
-    of the second, N springs a pass until all of `stiffness` (E,) are done, and bend springs join one of each.
-    `bend_coefficients` has shape (m, K) here. The first state is advanced; others stand for no cloth.
+    `states` (m, 6, n) and `forces` (m, 3, n) are those of m rows of n strangers, some 256: a spring joins vertex i of
+    the first row to vertex i of the second, n springs a pass until all of `stiffness` (E,) are done; bend springs join
+    one of each row, and the first row moves until all of `inverse_mass` (N,) are. Here `bend_coefficients` has shape
+    (m, K). A layout that shares work between springs can fall below this.
+    The numbers stand for no cloth.
     """
-    s, t, n = states[0], states[1], states.shape[2]
+    s, t, u, n = states[0], states[1], states[2], states.shape[2]
+    f, g, h = forces[0], forces[1], forces[2]
     for _ in range(substeps):
-        forces[:] = 0
-        f, g = forces[0], forces[1]
         for begin in range(0, stiffness.size, n):
+            end = begin + n
             limit_springs(
-                stiffness[begin : begin + n], rest[begin : begin + n], damping,
+                stiffness[begin:end], rest[begin:end], damping,
                 s[0], s[1], s[2], s[3], s[4], s[5], t[0], t[1], t[2], t[3], t[4], t[5],
                 f[0], f[1], f[2], g[0], g[1], g[2],
             )  # fmt: skip
         if bend_coefficients is not None:
             for begin in range(0, bend_stiffness.size, n):
-                for axis in range(3):
-                    k, c = bend_stiffness[begin : begin + n], bend_coefficients[:, begin : begin + n]
+                end = begin + n
+                k, c0, c1 = bend_stiffness[begin:end], bend_coefficients[0, begin:end], bend_coefficients[1, begin:end]
+                c2, c3 = bend_coefficients[2, begin:end], bend_coefficients[-1, begin:end]
+                for a in range(3):
                     if len(states) == 3:
                         limit_bends(
-                            k, c[0], c[1], c[2], None, bend_damping, s[axis], s[3 + axis], t[axis], t[3 + axis],
-                            states[2, axis], states[2, 3 + axis], None, None,
-                            f[axis], g[axis], forces[2, axis], None,
+                            k, c0, c1, c2, None, bend_damping, s[a], s[3 + a], t[a], t[3 + a], u[a], u[3 + a],
+                            None, None, f[a], g[a], h[a], None,
                         )  # fmt: skip
                     else:
                         limit_bends(
-                            k, c[0], c[1], c[2], c[3], bend_damping, s[axis], s[3 + axis], t[axis], t[3 + axis],
-                            states[2, axis], states[2, 3 + axis], states[3, axis], states[3, 3 + axis],
-                            f[axis], g[axis], forces[2, axis], forces[3, axis],
+                            k, c0, c1, c2, c3, bend_damping, s[a], s[3 + a], t[a], t[3 + a], u[a], u[3 + a],
+                            states[3, a], states[3, 3 + a], f[a], g[a], h[a], forces[3, a],
                         )  # fmt: skip
-        limit_move(step, inverse_mass, f[0], f[1], f[2], s[0], s[1], s[2], s[3], s[4], s[5])
+        for begin in range(0, inverse_mass.size, n):
+            limit_move(
+                step, inverse_mass[begin : begin + n], f[0], f[1], f[2], s[0], s[1], s[2], s[3], s[4], s[5]
+            )  # fmt: skip
+        forces[:] = 0
 
 
 @kernel

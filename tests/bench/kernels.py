@@ -1,8 +1,9 @@
-"""Cost of the grid's kernels, in nanoseconds per vertex and call, in single precision.
+"""Cost of the grid's forces in nanoseconds per vertex and substep, beside the two yardsticks, in both precisions.
 
     python tests/bench/kernels.py
 
-A cape of about 1,500 vertices; the minimum of 40 repeats of 100 calls each, inside one compiled loop.
+The minimum of 30 repeats inside one compiled loop, all kernels taking turns, since the clock of a machine wanders. The
+yardsticks include moving the vertices, and so does `grid + advance`.
 """
 
 import time
@@ -10,63 +11,97 @@ import time
 import numpy as np
 from numba import njit
 
-from cape.cloth import Cloth
-from cape.kernels import grid
+from cape.cloth import GridCloth
+from cape.kernels import baselines, euler, grid
+from cape.kernels.records import State
 from cape.springs import springs_of
 
-CALLS, REPEATS = 100, 40
+REPEATS, VERTICES_A_REPEAT = 30, 100_000
+STRANGERS = 256  # vertices of the limit's rows, in the first cache
+SIZES = ((58, 26), (125, 80), (250, 200), (500, 400))
 
 
-def nanoseconds(kernel, vertices: int, *arguments) -> float:
-    """Least time of a call, per vertex [ns]."""
+@njit
+def repeat_grid(times, given):
+    """Springs and bending."""
+    for _ in range(times):
+        grid.grid_forces(*given)
 
-    @njit
-    def repeat(calls, given):
-        for _ in range(calls):
-            kernel(*given)
 
-    repeat(1, arguments)
-    best = np.inf
+@njit
+def repeat_air(times, given):
+    """Air alone."""
+    for _ in range(times):
+        grid.grid_air_forces(*given)
+
+
+@njit
+def repeat_advance(times, given):
+    """Vertices alone."""
+    for _ in range(times):
+        euler.advance(*given)
+
+
+def rows_of(rows: int, columns: int, dtype: type) -> dict[str, float]:
+    """Nanoseconds per vertex and substep of every kernel."""
+    cloth = GridCloth.rectangle(width=0.024 * (columns - 1), height=0.024 * (rows - 1), spacing=0.024)
+    springs, n = springs_of(cloth), cloth.vertices
+    families = springs.families
+    assert families is not None
+    random = np.random.default_rng(0)
+    positions = cloth.positions + random.normal(0.0, 0.001, (n, 3))
+    state = State(*(np.array(c, dtype) for c in (*positions.T, *random.normal(0.0, 0.1, (3, n)))))
+    forces, room = np.zeros((3, n), dtype), grid.grid_room(columns, n, dtype)
+    given = (families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype), 1e-5)
+    bends = (families.bend_offsets, families.bend_stiffness.astype(dtype), 2e-3)
+    cells = np.zeros((rows, columns), dtype)
+    cells[:-1, :-1] = 1
+    air = (np.zeros(3), 0.1, 0.05, cells.ravel(), columns)
+    still, weight = (dtype(0),) * 4, np.ones(n, dtype)
+    # No time passes: the state stays as it is, whatever the number of repeats.
+    stiffness, rest, bent = (a.astype(dtype) for a in (springs.stiffness, springs.rest, springs.bend_stiffness))
+    coefficients = springs.bend_coefficients.astype(dtype)
+    scalar = (
+        dtype(0), weight, springs.first, springs.second, stiffness, rest, dtype(1e-5),
+        springs.bend_vertices, coefficients, bent, dtype(2e-3), *np.zeros((3, n), dtype), *(c.copy() for c in state),
+    )  # fmt: skip
+    strangers = np.stack([np.stack(state)[:, :STRANGERS]] * 3)
+    strangers[1:] += dtype(0.01)
+    limit = (
+        dtype(0), weight, stiffness, rest, dtype(1e-5), np.ascontiguousarray(coefficients.T), bent, dtype(2e-3),
+        np.zeros((3, 3, STRANGERS), dtype), strangers,
+    )  # fmt: skip
+    kernels = {
+        "springs + bends": lambda k: repeat_grid(k, (0, n, state, *given, *bends, *forces, room)),
+        "springs": lambda k: repeat_grid(k, (0, n, state, *given, None, None, None, *forces, room)),
+        "air": lambda k: repeat_air(k, (0, n, state, *air, *forces, room)),
+        "advance": lambda k: repeat_advance(k, (*still, weight, *forces, *state)),
+        "scalar": lambda k: baselines.scalar_step(k, *scalar),
+        "limit": lambda k: baselines.limit_step(k, *limit),
+    }
+    times = max(1, VERTICES_A_REPEAT // n)
+    best = dict.fromkeys(kernels, np.inf)
+    for run in kernels.values():
+        run(1)
     for _ in range(REPEATS):
-        start = time.perf_counter()
-        repeat(CALLS, arguments)
-        best = min(best, time.perf_counter() - start)
-    return best / CALLS / vertices * 1e9
+        for name, run in kernels.items():
+            start = time.perf_counter()
+            run(times)
+            best[name] = min(best[name], (time.perf_counter() - start) / times / n * 1e9)
+    return best
 
 
 def main() -> None:
-    """Print a row a kernel, and what a substep of springs costs in all."""
-    single = np.float32
-    cloth = Cloth.cape()
-    springs, n = springs_of(cloth), cloth.vertices
-    random = np.random.default_rng(0)
-    positions = [np.ascontiguousarray(p, dtype=single) for p in cloth.positions.T]
-    velocities = [random.normal(0.0, 0.1, n).astype(single) for _ in range(3)]
-    forces, room = ([np.zeros(n, single) for _ in range(3)] for _ in range(2))
-    stiffness, rest = springs.stiffness.astype(single), springs.rest.astype(single)
-    bend = springs.bend_stiffness.astype(single)
-    costs = {"springs": 0.0, "sums of springs": 0.0, "bending": 0.0}
-    for family, offset in enumerate(springs.offsets.tolist()):
-        state = (*positions, *velocities, stiffness[family], rest[family])
-        costs["springs"] += nanoseconds(
-            grid.spring_forces, n, offset, *state, single(1e-5), single(1e-18), *room
-        )  # fmt: skip
-        costs["sums of springs"] += nanoseconds(grid.add_spring_forces, n, offset, *room, *forces)
-    for family, offset in enumerate(springs.bend_offsets.tolist()):
-        one = (positions[0], velocities[0], bend[family], single(2e-3), room[0], forces[0])
-        costs["bending"] += 3.0 * nanoseconds(grid.add_bend_forces, n, offset, *one)
-    still = (single(0.0), single(0.0), single(0.0), single(0.0))
-    mass = np.ones(n, single)
-    costs["advance"] = nanoseconds(grid.advance, n, *still, mass, *forces, *positions, *velocities)
-    print(f"{n} vertices, ns per vertex and substep")
-    for name, cost in costs.items():
-        print(f"{name:16} {cost:6.2f}")
-    print(f"{'in all':16} {sum(costs.values()):6.2f}")
-    air_room = [np.zeros(n, single) for _ in range(6)]
-    wind = (single(0.0), single(0.0), single(0.0), single(1.0 / 3.0), single(0.1), single(0.05), single(1e-12))
-    cells = np.ones(n, single)
-    air = nanoseconds(grid.air_forces, n, cloth.columns, *positions, *velocities, cells, *wind, *air_room)
-    print(f"{'air':16} {air:6.2f}")
+    """Print a row a size and precision."""
+    heads = ("springs + bends", "springs", "air", "advance", "scalar", "limit")
+    print(f"{'':6} {'vertices':>8}", *(f"{h:>15}" for h in (*heads, "scalar / grid", "grid / limit")))
+    for dtype in (np.float32, np.float64):
+        for rows, columns in SIZES:
+            cost = rows_of(rows, columns, dtype)
+            mine = cost["springs + bends"] + cost["advance"]
+            figures = (*(cost[h] for h in heads), cost["scalar"] / mine, mine / cost["limit"])
+            name = "single" if dtype is np.float32 else "double"
+            print(f"{name:6} {rows * columns:8}", *(f"{f:15.2f}" for f in figures), flush=True)
 
 
 if __name__ == "__main__":
