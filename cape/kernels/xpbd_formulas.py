@@ -1,0 +1,136 @@
+"""What one XPBD constraint does to the velocities of its vertices.
+
+Macklin, Mueller, Chentanez 2016, "XPBD", eq. 26, gives the change of a constraint's multiplier as
+
+    d lambda = (-C - a lambda - g grad C (x - x_n)) / ((1 + g) sum w |grad C|^2 + a),  a = 1 / (k h^2),  g = tau / h
+
+for stiffness k, damping time tau and step h. Here the unknown of a step is not the position but the velocity that takes
+the vertices there, x = x_n + h v: the same corrections divided by h. Positions then change once per step, and
+corrections far below the last digit of a position are not lost. With the impulse p = -lambda / h and times k h^2,
+
+    d p = gain (C + tau dC/dt) - slack p,  gain = h k slack,  slack = 1 / (1 + h k (h + tau) sum w |grad C|^2)
+
+and without any impulse yet, as in the one sweep per step of Macklin et al. 2019, "Small steps", the last term is none.
+"""
+
+import math
+
+import numpy as np
+
+from cape.kernels.jit import driver, inlined, kernel
+
+TINY = 1e-18  # m2, keeps a spring of zero length from dividing by zero
+
+
+@kernel
+def set_gains(step, time, stiffness, mobility, gain, slack):
+    """Fill `gain` and, unless it is None, `slack`; `step` is h, `time` h + tau, `mobility` the sum w |grad C|^2."""
+    for k in range(gain.size):
+        pull = step * stiffness[k]
+        share = 1 / (1 + pull * time * mobility[k])
+        gain[k] = pull * share
+        if slack is not None:
+            slack[k] = share
+
+
+@driver
+def forget(impulse, lo, hi):
+    """Set impulses to zero, along the last axis; nothing for None."""
+    if impulse is not None:
+        impulse[..., lo:hi] = 0
+
+
+@inlined
+def change_of(wanted, k, slack, impulse):
+    """What is added to the impulse of constraint k, whose gain alone would add `wanted`; keeps the sum."""
+    if impulse is None:
+        return wanted
+    change = wanted - slack[k] * impulse[k]
+    impulse[k] += change
+    return change
+
+
+@inlined
+def pull_together(
+    k,
+    i,
+    j,
+    step,
+    damping,
+    tiny,
+    gain,
+    rest,
+    slack,
+    impulse,
+    w0,
+    w1,
+    x0,
+    y0,
+    z0,
+    x1,
+    y1,
+    z1,
+    vx0,
+    vy0,
+    vz0,
+    vx1,
+    vy1,
+    vz1,
+):
+    """C(x) = |x1 - x0| - l0 between vertex i of one group of arrays and j of the other; `damping` [s] or None."""
+    ax, ay, az, bx, by, bz = vx0[i], vy0[i], vz0[i], vx1[j], vy1[j], vz1[j]
+    ux, uy, uz = bx - ax, by - ay, bz - az
+    dx, dy, dz = x1[j] - x0[i] + step * ux, y1[j] - y0[i] + step * uy, z1[j] - z0[i] + step * uz
+    squared = dx * dx + dy * dy + dz * dz + tiny
+    length = math.sqrt(squared)
+    stretch = squared - rest[k] * length
+    if damping is not None:
+        stretch += damping * (ux * dx + uy * dy + uz * dz)
+    if impulse is None:
+        scale = gain[k] * stretch / squared
+    else:
+        scale = change_of(gain[k] * stretch / length, k, slack, impulse) / length
+    a, b = scale * w0[i], scale * w1[j]
+    vx0[i], vy0[i], vz0[i] = ax + a * dx, ay + a * dy, az + a * dz
+    vx1[j], vy1[j], vz1[j] = bx - b * dx, by - b * dy, bz - b * dz
+
+
+@inlined
+def draw_to_middle(k, i, j, l, time, gain, slack, impulse, w0, w1, w2, p0, p1, p2, v0, v1, v2):  # noqa: E741
+    """C(p) = p0 - 2 p1 + p2 along one coordinate, of vertices i, j and l of three groups; `time` is h + tau."""
+    a, b, c = v0[i], v1[j], v2[l]
+    bend = p0[i] - p1[j] - p1[j] + p2[l] + time * (a - b - b + c)
+    change = change_of(gain[k] * bend, k, slack, impulse)
+    v0[i] = a - change * w0[i]
+    v1[j] = b + (change + change) * w1[j]
+    v2[l] = c - change * w2[l]
+
+
+@inlined
+def typed(number, array):
+    """A number in the precision of an array; None stays None."""
+    if number is None:
+        return None
+    return array.dtype.type(number)
+
+
+@inlined
+def part(values, lo, hi):
+    """A view of lo to hi; None stays None."""
+    if values is None:
+        return None
+    return values[lo:hi]
+
+
+@inlined
+def row(values, index):
+    """A row of an array; None stays None."""
+    if values is None:
+        return None
+    return values[index]
+
+
+@inlined
+def unsigned(number):
+    """An index that can't be negative: signed ones that do not start at 0 keep a loop scalar."""
+    return np.uint64(number)

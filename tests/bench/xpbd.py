@@ -1,0 +1,173 @@
+"""Cost of XPBD on a grid and on a mesh, in nanoseconds per vertex and substep, beside a scalar loop.
+
+    python tests/bench/xpbd.py
+
+The scalar loop is the textbook's: positions as unknowns, one constraint after the other as they come, compiled with the
+kernels' own options. All have springs and bending, both damped, and neither air nor contact. Least of many repeats,
+interleaved; compiling is not counted.
+"""
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from cape.assemble import assemble
+from cape.attach import attach
+from cape.cloth import Cloth
+from cape.kernels.jit import driver, kernel
+from cape.kernels.records import Motion, State
+from cape.scene import Scene
+from cape.solvers import XPBD
+from cape.springs import Springs
+
+FRAME, SUBSTEPS, REPEATS = 1.0 / 60.0, 40, 15
+SHAPES = ((52, 29), (173, 116))
+
+
+@kernel
+def scalar_stretch(first, second, rest, compliance, weight, damping, step, x, y, z, ox, oy, oz):
+    """Springs, one after the other."""
+    for k in range(first.size):
+        i, j = first[k], second[k]
+        dx, dy, dz = x[j] - x[i], y[j] - y[i], z[j] - z[i]
+        length = math.sqrt(dx * dx + dy * dy + dz * dz)
+        dx, dy, dz = dx / length, dy / length, dz / length
+        alpha, gamma = compliance[k] / (step * step), damping / step
+        moved = (
+            dx * (x[j] - ox[j] - x[i] + ox[i]) + dy * (y[j] - oy[j] - y[i] + oy[i]) + dz * (z[j] - oz[j] - z[i] + oz[i])
+        )
+        change = (rest[k] - length - gamma * moved) / ((1 + gamma) * (weight[i] + weight[j]) + alpha)
+        a, b = weight[i] * change, weight[j] * change
+        x[i] -= a * dx
+        y[i] -= a * dy
+        z[i] -= a * dz
+        x[j] += b * dx
+        y[j] += b * dy
+        z[j] += b * dz
+
+
+@kernel
+def scalar_bend(vertices, coefficients, compliance, weight, damping, step, p, o):
+    """Bend springs along one coordinate, one after the other."""
+    for k in range(compliance.size):
+        bend = moved = total = weight[0] * 0
+        for a in range(vertices.shape[1]):
+            i, c = vertices[k, a], coefficients[k, a]
+            bend += c * p[i]
+            moved += c * (p[i] - o[i])
+            total += c * c * weight[i]
+        alpha, gamma = compliance[k] / (step * step), damping / step
+        change = -(bend + gamma * moved) / ((1 + gamma) * total + alpha)
+        for a in range(vertices.shape[1]):
+            p[vertices[k, a]] += weight[vertices[k, a]] * coefficients[k, a] * change
+
+
+@kernel
+def scalar_begin(step, fall, weight, x, y, z, vx, vy, vz, ox, oy, oz):
+    """Predict positions."""
+    for i in range(x.size):
+        ox[i], oy[i], oz[i] = x[i], y[i], z[i]
+        if weight[i] > 0:
+            vz[i] += fall
+            x[i] += step * vx[i]
+            y[i] += step * vy[i]
+            z[i] += step * vz[i]
+
+
+@kernel
+def scalar_end(rate, x, y, z, vx, vy, vz, ox, oy, oz):
+    """Velocities from positions."""
+    for i in range(x.size):
+        vx[i], vy[i], vz[i] = (x[i] - ox[i]) * rate, (y[i] - oy[i]) * rate, (z[i] - oz[i]) * rate
+
+
+@driver
+def scalar_frame(substeps, step, fall, springs, bends, weight, damping, bend_damping, x, y, z, vx, vy, vz, ox, oy, oz):
+    """A frame."""
+    first, second, rest, compliance = springs
+    vertices, coefficients, bend_compliance = bends
+    for _ in range(substeps):
+        scalar_begin(step, fall, weight, x, y, z, vx, vy, vz, ox, oy, oz)
+        scalar_stretch(first, second, rest, compliance, weight, damping, step, x, y, z, ox, oy, oz)
+        scalar_bend(vertices, coefficients, bend_compliance, weight, bend_damping, step, x, ox)
+        scalar_bend(vertices, coefficients, bend_compliance, weight, bend_damping, step, y, oy)
+        scalar_bend(vertices, coefficients, bend_compliance, weight, bend_damping, step, z, oz)
+        scalar_end(1 / step, x, y, z, vx, vy, vz, ox, oy, oz)
+
+
+def scalar(cloth: Cloth, springs: Springs, inverse_mass: np.ndarray, dtype: type[np.floating]) -> Callable[[], None]:
+    """A frame of the scalar loop."""
+    given = (
+        SUBSTEPS,
+        dtype(FRAME / SUBSTEPS),
+        dtype(-9.81 * FRAME / SUBSTEPS),
+        (springs.first, springs.second, springs.rest.astype(dtype), (1 / springs.stiffness).astype(dtype)),
+        (springs.bend_vertices, springs.bend_coefficients.astype(dtype), (1 / springs.bend_stiffness).astype(dtype)),
+        inverse_mass.astype(dtype),
+        dtype(cloth.fabric.damping_time),
+        dtype(cloth.fabric.bend_damping_time),
+    )
+    arrays = [np.array(p, dtype=dtype) for p in (*cloth.positions.T, *np.zeros((6, cloth.vertices)))]
+    return lambda: scalar_frame(*given, *arrays)
+
+
+def solver(scene: Scene, held: list[int], dtype: type[np.floating], threads: int, sweeps: int) -> Callable[[], None]:
+    """A frame of XPBD."""
+    description = XPBD(precision="single" if dtype is np.float32 else "double", iterations=sweeps)
+    assembly = assemble(scene, [np.array(held)], threads=threads)
+    room = description.init(assembly)
+    start = (*assembly.cloth.positions.T, *np.zeros((3, len(assembly.mass))))
+    state = State(*(np.array(component, dtype=dtype) for component in start))
+    attached = assembly.attached
+    assert attached is not None
+    attached.points[:] = assembly.cloth.positions[attached.vertices]
+    pose = (np.zeros((2, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)))
+    motion = Motion(*pose, *pose)
+
+    def frame() -> None:
+        description.step(assembly, room, state, motion, duration=FRAME, substeps=SUBSTEPS, threads=threads)
+
+    return frame
+
+
+def measure(frames: dict[str, Callable[[], None]], vertices: int) -> dict[str, float]:
+    """Least time of each, per vertex and substep [ns]."""
+    best = dict.fromkeys(frames, math.inf)
+    for _ in range(REPEATS):
+        for name, frame in frames.items():
+            start = time.perf_counter()
+            frame()
+            best[name] = min(best[name], (time.perf_counter() - start) / SUBSTEPS / vertices * 1e9)
+    return best
+
+
+def main() -> None:
+    """Print a row for each layout, precision and size."""
+    print(
+        f"{'layout':6} {'precision':9} {'vertices':>8} {'scalar':>7} {'1 thread':>9} {'2 threads':>9} {'3 sweeps':>9}"
+    )
+    for rows, columns in SHAPES:
+        grid = Cloth.rectangle(width=0.025 * (columns - 1), height=0.025 * (rows - 1), spacing=0.025)
+        mesh = Cloth.from_mesh(grid.positions, grid.triangles)
+        for layout, cloth in (("grid", grid), ("mesh", mesh)):
+            held = list(range(columns))
+            scene = Scene(cloth, [attach(cloth, "hand", held)])
+            assembly = assemble(scene, [np.array(held)])
+            for dtype in (np.float32, np.float64):
+                frames = {
+                    "scalar": scalar(assembly.cloth, assembly.springs, assembly.inverse_mass, dtype),
+                    "1 thread": solver(scene, held, dtype, 1, 1),
+                    "2 threads": solver(scene, held, dtype, 2, 1),
+                    "3 sweeps": solver(scene, held, dtype, 1, 3),
+                }
+                for frame in frames.values():  # compiles
+                    frame()
+                best = measure(frames, cloth.vertices)
+                costs = " ".join(f"{best[name]:9.1f}" for name in ("1 thread", "2 threads", "3 sweeps"))
+                print(f"{layout:6} {dtype.__name__:9} {cloth.vertices:8} {best['scalar']:7.1f} {costs}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
