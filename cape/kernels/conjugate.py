@@ -119,7 +119,7 @@ def solve_linear(lo, hi, model, matrix, b, scratch, inverse, vectors, terms, sum
     for iteration in range(most):
         if not squared > enough:
             return iteration, slope
-        multiply(lo, hi, model, matrix, b, scratch, p, q)
+        multiply(lo, hi, model, matrix, b, scratch, p, q, team)
         dot_terms(p[0, a:e], p[1, a:e], p[2, a:e], q[0, a:e], q[1, a:e], q[2, a:e], terms[a:e])
         alpha = squared / sum_all(lo, hi, front, terms, sums[1], team)
         # p . r of the given r is the squared norm of the residual here, since the directions before are conjugate.

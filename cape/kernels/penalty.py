@@ -142,7 +142,8 @@ def press_boxes(lo, hi, boxes, free, thickness, least, mass, rate, m, s, force, 
                         r[0, 0] * nx + r[0, 1] * ny + r[0, 2] * nz,
                         r[1, 0] * nx + r[1, 1] * ny + r[1, 2] * nz,
                         r[2, 0] * nx + r[2, 1] * ny + r[2, 2] * nz,
-                        b, coefficient(boxes.friction, k), least[i] + HARD * rate * rate * mass[i], rate, m, s, force, blocks,
+                        b, coefficient(boxes.friction, k), least[i] + HARD * rate * rate * mass[i],
+                        rate, m, s, force, blocks,
                     )  # fmt: skip
 
 

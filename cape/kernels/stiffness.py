@@ -13,21 +13,10 @@ Vectors have shape (3, L): `front` zeros, the N vertices, zeros to a multiple of
 never leaves the array. Blocks are stored as the rows xx, yy, zz, xy, xz, yz.
 """
 
-import math
-
 from cape.kernels.jit import driver, inlined, kernel
+from cape.kernels.linearise import linearised
+from cape.kernels.mesh_stiffness import add_mesh_blocks, add_mesh_product, linearise_mesh
 from cape.kernels.team import meet
-
-
-@inlined
-def linearised(dx, dy, dz, stiffness, rest, stretched, tiny):
-    """w and c of one spring along d [m]; `stretched` is 1 + tau/b and `tiny` [m2] keeps its length from being zero."""
-    squared = dx * dx + dy * dy + dz * dz + tiny
-    length = math.sqrt(squared)
-    # Exactly 0 where the spring is compressed.
-    c = stiffness * (max(length, rest) - rest) / length
-    w = math.sqrt(stretched * stiffness - c) / length
-    return w * dx, w * dy, w * dz, c
 
 
 @kernel
@@ -203,7 +192,7 @@ def damped(damping_time, b):
 
 
 @driver
-def multiply(lo, hi, model, matrix, b, scratch, p, q):
+def multiply(lo, hi, model, matrix, b, scratch, p, q, team):
     """Set q to A p on the vertices lo to hi; reads p everywhere."""
     m, a, e = matrix.own, matrix.front + lo, matrix.front + hi
     multiply_blocks(
@@ -214,6 +203,7 @@ def multiply(lo, hi, model, matrix, b, scratch, p, q):
         lo, hi, model.grid, model.grid_bends, damped(model.bend_damping, b), matrix.front, matrix.springs,
         matrix.bends, scratch, p, q,
     )  # fmt: skip
+    _add_link_products(lo, hi, model.mesh, matrix.springs, matrix.ends, p, q, team)
 
 
 @driver
@@ -225,21 +215,30 @@ def _add_products(lo, hi, grid, grid_bends, bend_scale, front, springs, bends, s
 
 
 @driver
+def _add_link_products(lo, hi, mesh, coefficients, ends, p, q, team):
+    if mesh is not None:
+        add_mesh_product(lo, hi, mesh, coefficients, ends, p, q, team)
+
+
+@driver
 def prepare(lo, hi, s, model, b, matrix, penalty, inverse, team):
     """Linearise at the state `s`: springs, own blocks, and the inverse of A's block diagonal."""
     stretched = s.x.dtype.type(damped(model.damping, b))
+    bend_scale = damped(model.bend_damping, b)
     _linearise(lo, hi, s, model.grid, stretched, matrix.front, matrix.springs)
+    _linearise_links(lo, hi, s, model.mesh, model.mesh_bends, stretched, s.x.dtype.type(bend_scale), matrix.springs)
     meet(team)
     dtype = inverse.dtype.type
     m, a, e = matrix.own, matrix.front + lo, matrix.front + hi
     set_blocks(
-        dtype(1.0 / (b * b)), dtype(damped(model.bend_damping, b)), matrix.mass[a:e], matrix.bend_diagonal[a:e],
+        dtype(1.0 / (b * b)), dtype(bend_scale), matrix.mass[a:e], matrix.bend_diagonal[a:e],
         m[0, a:e], m[1, a:e], m[2, a:e], m[3, a:e], m[4, a:e], m[5, a:e],
     )  # fmt: skip
     _add_contact_blocks(lo, hi, matrix.front, penalty, m)
     for row in range(6):
         copy(m[row, a:e], inverse[row, a:e])
     _add_blocks(lo, hi, model.grid, matrix.front, matrix.springs, inverse)
+    _add_link_blocks(lo, hi, model.mesh, matrix.springs, matrix.ends, inverse, team)
     n = inverse
     invert_blocks(matrix.free[a:e], n[0, a:e], n[1, a:e], n[2, a:e], n[3, a:e], n[4, a:e], n[5, a:e])
 
@@ -261,3 +260,15 @@ def _add_contact_blocks(lo, hi, front, penalty, own):
 def _add_blocks(lo, hi, grid, front, springs, blocks):
     if grid is not None:
         add_grid_blocks(lo, hi, grid, front, springs, blocks)
+
+
+@driver
+def _linearise_links(lo, hi, s, mesh, bends, stretched, bend_scale, coefficients):
+    if mesh is not None:
+        linearise_mesh(lo, hi, s, mesh, bends, stretched, bend_scale, coefficients)
+
+
+@driver
+def _add_link_blocks(lo, hi, mesh, coefficients, ends, blocks, team):
+    if mesh is not None:
+        add_mesh_blocks(lo, hi, mesh, coefficients, ends, blocks, team)

@@ -26,13 +26,15 @@ Array = NDArray[np.floating]
 class Matrix(NamedTuple):
     """What the matrix of a Newton step is made of, as in `kernels.stiffness`: vectors and rows of length L.
 
-    `springs` holds w and c of each spring (4 F, L); `bends` the couplings of a vertex with the next ones and the second
+    `springs` holds w and c of each spring of a grid (4 F, L) or of each link of a mesh (4 D, N), with room for their other
+    `ends` (3, D N + 1); `bends` the couplings of a vertex with the next ones and the second
     next along each family [N/m] (2 K, L), None without bends; `bend_diagonal` [N/m], `mass` [kg] and `free`, 0 for
     attached vertices, (L,); `own` blocks (6, L).
     """
 
     front: int
     springs: Array
+    ends: Array | None
     bends: Array | None
     bend_diagonal: Array
     mass: Array
@@ -76,7 +78,7 @@ class Settings(NamedTuple):
 
 
 class Penalty(NamedTuple):
-    """Contact: `least` stiffness [N/m] (N,), and room for forces [N] (3, N) and for minus their derivatives [N/m] (6, N)."""
+    """Contact: `least` stiffness [N/m] (N,), room for forces [N] (3, N) and minus their derivatives [N/m] (6, N)."""
 
     least: Array
     force: Array
@@ -162,7 +164,8 @@ class ImplicitSolver(Solver):
     def init(self, assembly: Assembly) -> ImplicitRoom:
         """Lay out the matrix and the room for its products."""
         dtype, count, inner = self.dtype(assembly), assembly.cloth.vertices, INNER
-        matrix = matrix_of(assembly, inner)
+        model = force_model(assembly, dtype)
+        matrix = matrix_of(assembly, model, inner)
         chunks, size = -(-count // CHUNK), matrix.mass.size
         shared = Work(
             start=np.zeros((6, count), dtype),
@@ -179,7 +182,7 @@ class ImplicitSolver(Solver):
         )
         ranks = len(assembly.ranks)
         return ImplicitRoom(
-            model=force_model(assembly, dtype),
+            model=model,
             inertia=Inertia(
                 assembly.mass.astype(dtype),
                 assembly.inverse_mass.astype(dtype),
@@ -259,7 +262,7 @@ class TRBDF2(ImplicitSolver):
         return 8
 
 
-def matrix_of(assembly: Assembly, dtype: type[np.floating]) -> Matrix:
+def matrix_of(assembly: Assembly, model: ForceModel, dtype: type[np.floating]) -> Matrix:
     """Lay out the matrix of a cloth; see `kernels.stiffness`."""
     springs, cloth = assembly.springs, assembly.cloth
     count = cloth.vertices
@@ -274,18 +277,23 @@ def matrix_of(assembly: Assembly, dtype: type[np.floating]) -> Matrix:
         return rows
 
     diagonal = np.zeros(count)
-    bends, families = None, springs.families
-    members, coefficients = springs.bend_vertices, springs.bend_coefficients
-    np.add.at(diagonal, members, springs.bend_stiffness[:, None] * coefficients**2)
-    if families is not None and len(springs.bend_stiffness):
+    bends, ends, families = None, None, springs.families
+    coefficients = np.zeros((16, size), dtype)
+    if model.mesh is not None:
+        links = model.mesh.second.shape[0]
+        coefficients = np.zeros((4 * links, count), dtype)
+        ends = np.zeros((3, links * count + 1), dtype)
+    if families is not None and model.grid_bends is not None:
         rows = []
+        np.add.at(diagonal, springs.bend_vertices, springs.bend_stiffness[:, None] * springs.bend_coefficients**2)
         for offset, stiffness in zip(families.bend_offsets, families.bend_stiffness, strict=True):
             ends = np.concatenate([np.zeros(offset), stiffness[: count - offset]])
             rows += [-2.0 * (stiffness + ends), stiffness]
         bends = padded(np.stack(rows))
     return Matrix(
         front=front,
-        springs=np.zeros((4 * 4, size), dtype),
+        springs=coefficients,
+        ends=ends,
         bends=bends,
         bend_diagonal=padded(diagonal),
         mass=padded(assembly.mass, 1.0),
