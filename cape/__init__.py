@@ -1,14 +1,15 @@
 """Cloth on moving bones: `Cloth`, `attach`, `Scene`, `simulate`, and `Simulation` for one's own loop."""
 
 from cape.attach import Attachment, attach
-from cape.cloth import Cloth
+from cape.cloth import Cloth, GridCloth, MeshCloth
 from cape.colliders import Box, Collider, Plane, Sphere
 from cape.dress import dress
 from cape.fabric import FABRICS, Fabric, fabric
+from cape.poses import Pose
 from cape.scene import Scene
-from cape.simulate import simulate
-from cape.simulation import Diverged, Pose, Simulation
-from cape.solvers import SOLVERS, XPBD, Solver, SymplecticEuler, solver
+from cape.simulate import SlowWarning, simulate
+from cape.simulation import Diverged, Simulation
+from cape.solvers import SOLVERS, TRBDF2, XPBD, BackwardEuler, Solver, SymplecticEuler, solver
 from cape.take import Take
 from cape.wind import Wind
 from motions.errors import UserError
@@ -17,18 +18,23 @@ from skeleton.capsules import Capsule
 __all__ = [
     "FABRICS",
     "SOLVERS",
+    "TRBDF2",
     "XPBD",
     "Attachment",
+    "BackwardEuler",
     "Box",
     "Capsule",
     "Cloth",
     "Collider",
     "Diverged",
     "Fabric",
+    "GridCloth",
+    "MeshCloth",
     "Plane",
     "Pose",
     "Scene",
     "Simulation",
+    "SlowWarning",
     "Solver",
     "Sphere",
     "SymplecticEuler",

@@ -3,14 +3,29 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import UnionType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.cloth import Cloth, GridCloth, MeshCloth
 from cape.colliders import Box, Collider, Plane, Sphere
 from cape.kernels.bones import blank_motion
 from cape.kernels.contact import BLOCK
-from cape.kernels.records import Air, Attached, Boxes, Capsules, Contacts, MotionRoom, Planes
+from cape.kernels.grid import grid_room
+from cape.kernels.records import (
+    Attached,
+    Boxes,
+    Capsules,
+    Contacts,
+    ForceModel,
+    GridAir,
+    GridBends,
+    GridSprings,
+    Inertia,
+    MotionRoom,
+    Planes,
+)
 from cape.scene import Scene
 from cape.springs import Springs, springs_of
 from motions import quaternions
@@ -20,53 +35,133 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
+class Rank:
+    """What each thread of a run has of its own: the colliders with their scratch, and room for the bones' motion."""
+
+    contacts: Contacts
+    room: MotionRoom
+
+
+@dataclass(frozen=True, eq=False)
 class Assembly:
     """A scene as arrays; bones are numbered as in `scene.bones`, and one more stands for the world.
 
     Attributes:
         scene: what was assembled.
+        cloth: the scene's cloth, its vertices renumbered where that keeps neighbours close in memory.
+        order: the scene's vertex that each of the N vertices here is, shape (N,); None where they are the same.
         springs: the cloth's springs.
         mass: of the vertices [kg], shape (N,).
         inverse_mass: [1/kg], shape (N,), zero for attached vertices.
         free: False for attached vertices, shape (N,).
         attached: what bones hold; its points change while the cloth is put on. None when nothing is attached.
-        air: None in vacuum.
-        contacts: the colliders by kind, None for a kind that the scene has not.
+        wind: velocity of the air [m/s], shape (3,), in place: it changes while the cloth is put on.
         collider_order: for capsules, planes and boxes, indices into `scene.colliders`.
-        room: for the bones' motion within a frame.
+        ranks: for each thread of a run.
     """
 
     scene: Scene
+    cloth: Cloth
+    order: NDArray[np.int64] | None
     springs: Springs
     mass: FloatArray
     inverse_mass: FloatArray
     free: NDArray[np.bool_]
     attached: Attached | None
-    air: Air | None
-    contacts: Contacts
+    wind: FloatArray
     collider_order: tuple[list[int], list[int], list[int]]
-    room: MotionRoom
+    ranks: tuple[Rank, ...]
+
+    @property
+    def contacts(self) -> Contacts:
+        """The colliders by kind, None for a kind that the scene has not."""
+        return self.ranks[0].contacts
+
+    def inwards(self, values: FloatArray) -> FloatArray:
+        """Renumber rows that belong to the scene's vertices, shape (N, ...), as they are numbered here."""
+        return values if self.order is None else values[self.order]
+
+    def outwards(self, values: FloatArray) -> FloatArray:
+        """Renumber rows that belong to vertices here, shape (N, ...), as the scene numbers them."""
+        if self.order is None:
+            return values
+        result = np.empty_like(values)
+        result[self.order] = values
+        return result
 
 
-def assemble(scene: Scene, vertices: list[NDArray[np.int64]], dtype: type[np.floating]) -> Assembly:
-    """Build the arrays of a scene whose attachments hold the given vertices, in the precision `dtype`."""
-    cloth = scene.cloth
+def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 1) -> Assembly:
+    """Build the arrays of a scene whose attachments hold the given vertices, for so many threads."""
+    cloth, order = scene.cloth, None
+    if isinstance(cloth, MeshCloth):
+        from cape.triangles import locality_order, reordered
+
+        order = locality_order(cloth.faces, cloth.positions)
+        cloth = reordered(cloth, order)
+        rank = np.argsort(order)
+        vertices = [rank[indices] for indices in vertices]
     mass = cloth.masses()
     free = np.ones(cloth.vertices, dtype=bool)
     for indices in vertices:
         free[indices] = False
     return Assembly(
         scene=scene,
+        cloth=cloth,
+        order=order,
         springs=springs_of(cloth),
         mass=mass,
         inverse_mass=np.where(free, 1.0 / mass, 0.0),
         free=free,
         attached=_attached(scene, vertices),
-        air=_air(scene, dtype),
-        contacts=_contacts(scene, free),
+        wind=np.array((0.0, 0.0, 0.0) if scene.wind is None else scene.wind.velocity, dtype=float),
         collider_order=(_places(scene, Capsule | Sphere), _places(scene, Plane), _places(scene, Box)),
-        room=MotionRoom(*blank_motion(len(scene.bones) + 1)),
+        ranks=tuple(
+            Rank(_contacts(scene, free), MotionRoom(*blank_motion(len(scene.bones) + 1))) for _ in range(threads)
+        ),
     )
+
+
+def inertia_of(assembly: Assembly, dtype: type[np.floating]) -> Inertia:
+    """Masses and gravity in a solver's precision."""
+    return Inertia(assembly.inverse_mass.astype(dtype), np.array(assembly.scene.gravity, dtype=float))
+
+
+def force_model(assembly: Assembly, dtype: type[np.floating]) -> ForceModel:
+    """Springs and air in a solver's precision; None for what the scene lacks."""
+    fabric, springs, cloth, wind = assembly.scene.cloth.fabric, assembly.springs, assembly.cloth, assembly.scene.wind
+    parts: dict[str, Any] = dict.fromkeys(ForceModel._fields)
+    has_bends = len(springs.bend_stiffness) > 0
+    parts["damping"] = fabric.damping_time or None
+    parts["bend_damping"] = (fabric.bend_damping_time or None) if has_bends else None
+    air = () if wind is None else (assembly.wind, wind.density * wind.drag / 12.0, wind.density * wind.lift / 12.0)
+    if isinstance(cloth, GridCloth):
+        families = springs.families
+        if families is None:
+            raise TypeError("the springs of a grid come by family")
+        parts["grid"] = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
+        if has_bends:
+            parts["grid_bends"] = GridBends(families.bend_offsets, families.bend_stiffness.astype(dtype))
+        if air:
+            cells = np.zeros((cloth.rows, cloth.columns), dtype=dtype)
+            cells[:-1, :-1] = 1.0
+            parts["grid_air"] = GridAir(*air, cells.ravel(), cloth.columns)
+    else:
+        from cape.mesh_springs import mesh_air_record, mesh_bends_record, mesh_springs_record
+
+        parts["mesh"] = mesh_springs_record(springs, cloth.vertices, dtype)
+        if has_bends:
+            parts["mesh_bends"] = mesh_bends_record(springs, cloth.vertices, dtype)
+        if air:
+            parts["mesh_air"] = mesh_air_record(cloth, *air, dtype)
+    return ForceModel(**parts)
+
+
+def force_scratch(assembly: Assembly, dtype: type[np.floating]) -> tuple[NDArray[np.floating] | None, ...]:
+    """Scratch of the forces for each thread; None where they need none of their own."""
+    cloth = assembly.cloth
+    if not isinstance(cloth, GridCloth):
+        return (None,) * len(assembly.ranks)
+    return tuple(grid_room(cloth.columns, cloth.vertices, dtype) for _ in assembly.ranks)
 
 
 def _places(scene: Scene, kind: type | UnionType) -> list[int]:
@@ -79,22 +174,6 @@ def _attached(scene: Scene, vertices: list[NDArray[np.int64]]) -> Attached | Non
     bones = [np.full(len(v), scene.bones.index(a.bone)) for a, v in zip(scene.attachments, vertices, strict=True)]
     indices = np.concatenate(vertices)
     return Attached(indices, np.concatenate(bones), np.zeros((len(indices), 3)))
-
-
-def _air(scene: Scene, dtype: type[np.floating]) -> Air | None:
-    wind, cloth = scene.wind, scene.cloth
-    if wind is None:
-        return None
-    cells = np.zeros((cloth.rows, cloth.columns), dtype=dtype)
-    cells[:-1, :-1] = 1.0
-    return Air(
-        wind=np.array(wind.velocity, dtype=float),
-        drag=wind.density * wind.drag / 12.0,
-        lift=wind.density * wind.lift / 12.0,
-        cells=cells.ravel(),
-        columns=cloth.columns,
-        room=np.zeros((6, cloth.vertices), dtype=dtype),
-    )
 
 
 def _contacts(scene: Scene, free: NDArray[np.bool_]) -> Contacts:
@@ -144,5 +223,7 @@ def _bones(scene: Scene, colliders: Sequence[Collider]) -> NDArray[np.int64]:
     return np.array([len(scene.bones) if c.bone is None else scene.bones.index(c.bone) for c in colliders])
 
 
-def _friction(scene: Scene, colliders: Sequence[Collider]) -> FloatArray:
-    return np.array([scene.friction if c.friction is None else c.friction for c in colliders])
+def _friction(scene: Scene, colliders: Sequence[Collider]) -> FloatArray | None:
+    """Coefficient of each collider, None when none has any."""
+    coefficients = np.array([scene.friction if c.friction is None else c.friction for c in colliders])
+    return coefficients if coefficients.any() else None

@@ -9,8 +9,7 @@ from cape.attach import attach
 from cape.cloth import Cloth
 from cape.fabric import Fabric
 from cape.ground import floor_under
-from cape.scene import Scene
-from cape.wear import WEARER_ROLES
+from cape.scene import WEARER_ROLES, Scene
 from cape.wind import Wind
 from skeleton.track import BoneTrack
 

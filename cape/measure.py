@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from cape.assemble import Assembly
 from cape.kernels import measure
 from cape.kernels.records import Array, State
-from cape.springs import THREADS
 
 FloatArray = NDArray[np.float64]
 
@@ -39,7 +38,9 @@ class Meter:
 
     def __post_init__(self) -> None:
         """Collect the springs along the threads."""
-        self._first, self._second, _, self._rest = self.assembly.springs.pairs(THREADS)
+        springs = self.assembly.springs
+        chosen = springs.measured
+        self._first, self._second, self._rest = springs.first[chosen], springs.second[chosen], springs.rest[chosen]
 
     def read(self, state: State, positions: FloatArray, rotations_wxyz: FloatArray) -> Reading:
         """Measure the state with the bones at positions [m] (B, 3) and rotations bone_to_world (B, 4)."""

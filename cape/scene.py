@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from cape.attach import Attachment
 from cape.cloth import Cloth
 from cape.colliders import Collider
-from cape.wear import WEARER_ROLES
 from cape.wind import Wind
 from motions.errors import ValueRangeError
 
+# Roles that place the wearer's frame.
+WEARER_ROLES = ("left_upper_arm", "right_upper_arm", "pelvis")
 GRAVITY = (0.0, 0.0, -9.81)  # m/s2
 
 

@@ -1,13 +1,15 @@
 """From a scene and a track to a take."""
 
 import time
+import warnings
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.poses import Pose
 from cape.scene import Scene
-from cape.simulation import Diverged, Pose, Simulation
+from cape.simulation import Diverged, Simulation
 from cape.solvers import Solver
 from cape.take import Take
 from cape.verdict import penetration_warnings, stretch_warnings
@@ -17,12 +19,20 @@ from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
 
+SLOW = 20.0  # s of estimated run time that nobody needs to be warned of
+SLOW_FACTOR = 4.0  # times the length of the motion, the same
+
+
+class SlowWarning(UserWarning):
+    """A simulation will take long."""
+
 
 def simulate(
     scene: Scene,
     track: BoneTrack,
     *,
     solver: Solver | None = None,
+    threads: int | None = None,
     fps: float | None = None,
     settle: float | None = None,
     name: str = "take",
@@ -34,6 +44,7 @@ def simulate(
         scene: cloth, attachments, colliders, forces.
         track: poses of at least the bones that the scene uses.
         solver: None for symplectic Euler with the step that the scene needs.
+        threads: how many share the cloth, None for as many as pay off; the results are the same.
         fps: frames per second of the take; None for the track's own.
         settle: time to let the cloth come to rest in the first pose [s]; None for as long as it needs.
         name: what the take is called.
@@ -41,6 +52,9 @@ def simulate(
 
     Returns:
         The take. When the cloth diverges, or the user interrupts, it ends with the last good frame and says so.
+
+    Warns:
+        SlowWarning: before the first frame, with the estimated time, when that is long.
 
     Raises:
         UnknownNameError: the scene uses a bone that the track has not.
@@ -50,7 +64,7 @@ def simulate(
         raise ValueRangeError("a motion of one frame can't be simulated: at least two are needed")
     if fps is not None:
         track = track.resample(fps)
-    simulation = Simulation(scene, solver=solver)
+    simulation = Simulation(scene, solver=solver, threads=threads)
     chosen = [track.index(bone) for bone in simulation.bones]
     poses = [Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]) for f in range(track.frames)]
     steps = np.diff(track.times)
@@ -61,11 +75,12 @@ def simulate(
     velocity, spin = _first_motion(scene, track)
     simulation.start(poses[0], settle=settle, velocity=velocity, spin=spin)
     settled = time.perf_counter()
+    _forewarn(simulation, steps)
 
     meter = simulation.meter()
     positions = [simulation.positions.astype(np.float32)]
     readings = [simulation.read(meter)]
-    solve_s, result, warnings = 0.0, "finished", []
+    solve_s, result, notes = 0.0, "finished", []
     try:
         for frame in range(1, track.frames):
             begun = time.perf_counter()
@@ -77,16 +92,21 @@ def simulate(
                 progress(frame + 1, track.frames)
     except Diverged as error:
         result = f"diverged at frame {len(positions)}"
-        warnings.append(str(error))
+        notes.append(str(error))
     except KeyboardInterrupt:
         result = f"stopped at frame {len(positions)}"
     frames = min(len(positions), len(readings))
     if simulation.retried:
-        warnings.append(f"{simulation.retried} frames needed a smaller step than estimated")
+        notes.append(f"{simulation.retried} frames needed a smaller step than estimated")
+    if simulation.unconverged:
+        notes.append(
+            f"{simulation.unconverged} frames did not reach the solver's tolerance even at four times as many "
+            "substeps: ask for more substeps or a larger tolerance, or look whether limbs pinch the cloth"
+        )
     stretch = np.array([r.stretch for r in readings[:frames]])
     penetration = np.array([r.penetration for r in readings[:frames]])
     penetrated = np.array([r.collider for r in readings[:frames]])
-    warnings += penetration_warnings(penetration, penetrated, scene.colliders) + stretch_warnings(stretch)
+    notes += penetration_warnings(penetration, penetrated, scene.colliders) + stretch_warnings(stretch)
     return Take(
         name=name,
         bones=_first_frames(track, frames),
@@ -104,9 +124,23 @@ def simulate(
         compile_s=compiled - started,
         settle_s=settled - compiled,
         solve_s=solve_s,
-        result=result if result != "finished" or not warnings else "finished with warnings",
-        warnings=tuple(warnings),
+        result=result if result != "finished" or not notes else "finished with warnings",
+        warnings=tuple(notes),
     )
+
+
+def _forewarn(simulation: Simulation, steps: FloatArray) -> None:
+    """Warn when the whole motion, with frames of the given lengths [s], will take long."""
+    forecast = simulation.forecast(float(steps.max()))
+    seconds = forecast.seconds * len(steps)
+    if seconds > SLOW and seconds > SLOW_FACTOR * float(steps.sum()):
+        span = f"{seconds / 60.0:.0f} minutes" if seconds > 120.0 else f"{seconds:.0f} s"
+        warnings.warn(
+            f"{simulation.solver.name} takes {forecast.substeps} steps a frame here, about {span} for "
+            f"{len(steps)} frames; a softer fabric or a wider spacing needs fewer, and another solver may be faster",
+            SlowWarning,
+            stacklevel=3,
+        )
 
 
 def _first_motion(scene: Scene, track: BoneTrack) -> tuple[FloatArray, FloatArray]:

@@ -1,20 +1,20 @@
 """A cloth that is being simulated: put on, settled, and stepped along with its bones."""
 
-from collections.abc import Mapping
+import time
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cape import team, wear
 from cape.assemble import Assembly, assemble
 from cape.kernels.records import Motion, State
-from cape.measure import Meter, Reading, deepest
+from cape.measure import Meter, Reading
+from cape.poses import Bones, read_pose
 from cape.scene import Scene, require_held_once
 from cape.solvers import Solver, SymplecticEuler
-from cape.wear import WEARER_ROLES, wearer_to_world
-from motions import quaternions
-from motions.errors import UnknownNameError, ValueRangeError
+from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
 
@@ -24,17 +24,19 @@ SETTLING_TIME = 3.2  # s at most, from the start
 SETTLED_SPEED = 0.02  # m/s, root mean square over the vertices
 SETTLING_DAMPING = 0.9  # share of the velocity that is left after each frame of settling
 FASTEST = 1e4  # m/s; beyond it a step has exploded, long before numbers overflow
-HIGHEST_LIFT = 0.15  # m that a neckline is raised at most to clear the shoulders
-LIFT_STEP = 0.002  # m
+FARTHEST_LEAP = 1e6  # m from the cloth's own origin; the same
 FARTHEST = 1.0  # m from the cloth's middle to the origin that its positions refer to
 RETRIES = 4  # each at half the step or less
+CONVERGENCE_RETRIES = 2  # after which a step that did not converge is kept, and counted
+FORECAST_SUBSTEPS = 50
+THREADED_VERTICES = 6000  # from which on a second thread pays for meeting the other
 
 
-class Pose(NamedTuple):
-    """Where bones are: origins in the world [m] (B, 3), unit quaternions bone_to_world wxyz (B, 4)."""
+class Forecast(NamedTuple):
+    """What a frame takes: steps of the solver, and wall time [s]."""
 
-    positions: FloatArray
-    rotations_wxyz: FloatArray
+    substeps: int
+    seconds: float
 
 
 class Diverged(RuntimeError):
@@ -48,12 +50,25 @@ class Simulation:
     a `Pose` in the order of `bones`.
     """
 
-    def __init__(self, scene: Scene, *, solver: Solver | None = None) -> None:
-        """Hold the scene and the solver; nothing is computed before `start`."""
+    def __init__(self, scene: Scene, *, solver: Solver | None = None, threads: int | None = None) -> None:
+        """Hold the scene and the solver; nothing is computed before `start`.
+
+        Args:
+            scene: cloth, attachments, colliders, forces.
+            solver: None for symplectic Euler with the step that the scene needs.
+            threads: how many share the cloth, None for as many as pay off; the results are the same.
+
+        Raises:
+            ValueRangeError: the number of threads is not positive.
+        """
+        if threads is not None and threads < 1:
+            raise ValueRangeError(f"threads must be 1 or more, not {threads}")
         self.scene = scene
         self.solver = solver or SymplecticEuler()
+        self.threads = threads or _threads_for(scene.cloth.vertices)
         self.substeps = 0
         self.retried = 0
+        self.unconverged = 0
         self._assembly: Assembly | None = None
 
     @property
@@ -73,18 +88,16 @@ class Simulation:
     @property
     def positions(self) -> FloatArray:
         """Positions of the vertices in the world [m], shape (V, 3)."""
-        self._require_started()
-        return np.stack(self._state[:3], axis=1).astype(float) + self._origin
+        return self.assembly.outwards(np.stack(self._state[:3], axis=1).astype(float)) + self._origin
 
     @property
     def velocities(self) -> FloatArray:
         """Velocities of the vertices [m/s], shape (V, 3)."""
-        self._require_started()
-        return np.stack(self._state[3:], axis=1).astype(float)
+        return self.assembly.outwards(np.stack(self._state[3:], axis=1).astype(float))
 
     def start(
         self,
-        bones: "Mapping[str, tuple[ArrayLike, ArrayLike]] | Pose",
+        bones: Bones,
         *,
         settle: float | None = None,
         velocity: ArrayLike = (0.0, 0.0, 0.0),
@@ -104,29 +117,29 @@ class Simulation:
             ValueRangeError: the pose is not finite, the cape can't be put on, or a vertex is held by two bones.
         """
         self._assembly, self._origin = None, np.zeros(3)
-        self._pose = self._read(bones)
-        positions = self._placed_cloth()
+        pose = read_pose(bones, self.bones)
+        positions = wear.placed(self.scene, pose)
         self._origin = np.round(positions.mean(axis=0))
-        self._pose = _moved(self._pose, -self._origin)
+        self._pose = pose.moved(-self._origin)
         positions = positions - self._origin
-        held = [self._held(a, positions) for a in self.scene.attachments]
+        held = [wear.held_by(self.scene, a, self._pose, positions) for a in self.scene.attachments]
         require_held_once(held)
-        self._assembly = assemble(self.scene, held, self.solver.dtype)
+        self._assembly = assemble(self.scene, held, threads=self.threads)
         self._room = self.solver.init(self._assembly)
-        self._state = _at_rest(positions, self.solver.dtype)
-        worn, spread = self._hold_points(held, positions)
+        self._state = _at_rest(self._assembly.inwards(positions), self.solver.dtype(self._assembly))
+        worn, spread = wear.hold_points(self._assembly, self._pose, held, positions)
         put_on = not np.array_equal(worn, spread)
         if settle is None:
             settle = SETTLING_TIME if put_on else 0.0
         self._settle(settle, spread, worn, np.asarray(velocity, dtype=float))
         self._set_out(np.asarray(velocity, dtype=float), np.asarray(spin, dtype=float))
 
-    def compile(self, bones: "Mapping[str, tuple[ArrayLike, ArrayLike]] | Pose") -> None:
+    def compile(self, bones: Bones) -> None:
         """Compile, or load from the cache, all that the scene needs; `start` would, this call only moves the time."""
         self.start(bones, settle=SETTLING_FRAME)
         self.read(self.meter())
 
-    def step(self, bones: "Mapping[str, tuple[ArrayLike, ArrayLike]] | Pose", dt: float) -> None:
+    def step(self, bones: Bones, dt: float) -> None:
         """Advance the cloth by `dt` [s], in which the bones move from where they were to the given pose.
 
         Starts the simulation with that pose if it has not been started. A step that explodes is taken back and done
@@ -142,7 +155,7 @@ class Simulation:
         if self._assembly is None:
             self.start(bones)
         self._recenter()
-        pose = self._read(bones)
+        pose = read_pose(bones, self.bones).moved(-self._origin)
         motion = Motion(self._pose.positions, self._pose.rotations_wxyz, pose.positions, pose.rotations_wxyz)
         before = [component.copy() for component in self._state]
         self.substeps = self.solver.choose_substeps(self._room, dt)
@@ -152,9 +165,10 @@ class Simulation:
                 # A count between what explodes and what is stable may grow slowly enough to pass for sound.
                 own_choice = replace(self.solver, substeps=None).choose_substeps(self._room, dt)
                 substeps = max(2 * substeps, own_choice)
-            self.solver.step(self.assembly, self._room, self._state, motion, duration=dt, substeps=substeps)
-            if self._sound():
+            unconverged = self._advance(motion, dt, substeps)
+            if self._sound() and (unconverged == 0 or attempt == CONVERGENCE_RETRIES):
                 self.retried += attempt > 0
+                self.unconverged += unconverged > 0
                 self._pose = pose
                 return
             for component, kept in zip(self._state, before, strict=True):
@@ -163,6 +177,25 @@ class Simulation:
             f"the cloth explodes even at {substeps} substeps per frame: "
             "use a softer or heavier fabric, a wider spacing, or the solver xpbd"
         )
+
+    def forecast(self, dt: float) -> Forecast:
+        """Tell what a frame of `dt` [s] takes, by stepping a part of one and taking it back.
+
+        Raises:
+            ValueRangeError: the simulation has not been started.
+        """
+        self._require_started()
+        substeps = self.solver.choose_substeps(self._room, dt)
+        tried = min(substeps, FORECAST_SUBSTEPS)
+        before = [component.copy() for component in self._state]
+        seconds = []
+        for _ in range(2):
+            begun = time.perf_counter()
+            self._advance(Motion(*self._pose, *self._pose), dt * tried / substeps, tried)
+            seconds.append((time.perf_counter() - begun) * substeps / tried)
+            for component, kept in zip(self._state, before, strict=True):
+                component[:] = kept
+        return Forecast(substeps, min(seconds))
 
     def meter(self) -> Meter:
         """Give a meter for this run."""
@@ -177,104 +210,10 @@ class Simulation:
             raise ValueRangeError("the simulation has not been started: call start with the first pose of the bones")
         return self._assembly
 
-    def _read(self, bones: "Mapping[str, tuple[ArrayLike, ArrayLike]] | Pose") -> Pose:
-        """Check a pose and add the world as the last bone."""
-        if isinstance(bones, Pose):
-            positions, rotations = np.asarray(bones.positions), np.asarray(bones.rotations_wxyz)
-        else:
-            missing = [b for b in self.bones if b not in bones]
-            if missing:
-                raise UnknownNameError("bone", missing[0], bones, "The scene uses " + ", ".join(self.bones))
-            positions = np.array([bones[b][0] for b in self.bones], dtype=float).reshape(-1, 3)
-            rotations = np.array([bones[b][1] for b in self.bones], dtype=float).reshape(-1, 4)
-        if positions.shape != (len(self.bones), 3) or rotations.shape != (len(self.bones), 4):
-            raise ValueRangeError(f"a pose of {len(self.bones)} bones is needed: {', '.join(self.bones)}")
-        if not (np.isfinite(positions).all() and np.isfinite(rotations).all()):
-            raise ValueRangeError("the pose of the bones is not finite")
-        if not np.linalg.norm(rotations, axis=1).all():
-            raise ValueRangeError("the rotation of a bone is a quaternion of zeros")
-        return Pose(
-            np.concatenate([positions, np.zeros((1, 3))]) - self._origin,
-            np.concatenate([quaternions.normalize(rotations), [[1.0, 0.0, 0.0, 0.0]]]),
-        )
-
-    def _wearer(self) -> tuple[FloatArray, FloatArray]:
-        left, right, pelvis = (self._pose.positions[self.bones.index(role)] for role in WEARER_ROLES)
-        return wearer_to_world(left, right, pelvis)
-
-    def _placed_cloth(self) -> FloatArray:
-        """Positions of the vertices in the world where the cloth starts [m], shape (V, 3)."""
-        cloth = self.scene.cloth
-        if cloth.frame == "world":
-            return cloth.positions
-        rotation, origin = self._wearer()
-        return origin + cloth.positions @ rotation.T
-
-    def _held(self, attachment, positions: FloatArray) -> NDArray[np.int64]:
-        """Vertices that an attachment holds, once it is known where the cloth is put on."""
-        if attachment.within is None:
-            return attachment.vertices
-        bone = self._pose.positions[self.bones.index(attachment.bone)]
-        worn = self._worn(positions)[attachment.vertices]
-        near = attachment.vertices[np.linalg.norm(worn - bone, axis=1) <= attachment.within]
-        if near.size == 0:
-            closest = np.linalg.norm(worn - bone, axis=1).min()
-            raise ValueRangeError(
-                f"no vertex is within {attachment.within} m of {attachment.bone!r}; the closest is {closest:.3f} m off"
-            )
-        return near
-
-    def _worn(self, positions: FloatArray) -> FloatArray:
-        """Where the vertices would be held [m]: the neckline for the top row, otherwise where they start."""
-        cloth = self.scene.cloth
-        if cloth.neckline is None:
-            return positions
-        rotation, origin = self._wearer()
-        worn = positions.copy()
-        worn[: cloth.columns] = origin + cloth.neckline @ rotation.T
-        return worn
-
-    def _hold_points(self, held: list[NDArray[np.int64]], positions: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points at which bones hold the vertices, in the bones' frames [m]: where they are worn, where they start."""
-        attached = self.assembly.attached
-        if attached is None:
-            return np.zeros((0, 3)), np.zeros((0, 3))
-        origin = self._pose.positions[attached.bones]
-        turn = self._pose.rotations_wxyz[attached.bones]
-
-        def in_bones(points: FloatArray) -> FloatArray:
-            return quaternions.rotate(quaternions.conjugate(turn), points[attached.vertices] - origin)
-
-        worn = self._worn(positions)
-        if self.scene.cloth.neckline is not None:
-            worn[: self.scene.cloth.columns] += self._lift(worn)
-        worn, spread = in_bones(worn), in_bones(positions)
-        first = 0
-        for attachment, vertices in zip(self.scene.attachments, held, strict=True):
-            if attachment.points is not None:
-                worn[first : first + len(vertices)] = attachment.points
-            first += len(vertices)
-        if self.scene.cloth.frame == "world":
-            spread = worn
-        return worn, spread
-
-    def _lift(self, worn: FloatArray) -> FloatArray:
-        """The least way up the wearer's trunk that takes the neckline clear of all colliders [m], shape (3,)."""
-        columns = self.scene.cloth.columns
-        counted = np.ones(columns, dtype=bool)
-        up = self._wearer()[0][:, 2]
-        for height in np.arange(0.0, HIGHEST_LIFT, LIFT_STEP):
-            points = worn[:columns] + height * up
-            inside, _ = deepest(self.assembly, tuple(points.T), counted, self._pose, margin=self.scene.thickness)
-            if inside == 0.0:
-                return height * up
-        return np.zeros(3)
-
     def _settle(self, duration: float, spread: FloatArray, worn: FloatArray, velocity: FloatArray) -> None:
         """Bring the cloth to rest on bones that stand still, moving what they hold from `spread` to `worn`."""
-        attached, air, pose = self.assembly.attached, self.assembly.air, self._pose
-        if air is not None:
-            air.wind[:] -= velocity
+        attached, wind, pose = self.assembly.attached, self.assembly.wind, self._pose
+        wind -= velocity
         motion = Motion(*pose, *pose)
         substeps = self.solver.choose_substeps(self._room, SETTLING_FRAME)
         for frame in range(1, round(duration / SETTLING_FRAME) + 1):
@@ -283,7 +222,7 @@ class Simulation:
                 share = min(time / PUT_ON_TIME, 1.0)
                 share = share * share * (3.0 - 2.0 * share)
                 attached.points[:] = spread + share * (worn - spread)
-            self.solver.step(self.assembly, self._room, self._state, motion, duration=SETTLING_FRAME, substeps=substeps)
+            self._advance(motion, SETTLING_FRAME, substeps)
             for component in self._state[3:]:
                 component *= SETTLING_DAMPING
             speed = np.sqrt(sum(float(np.mean(np.square(c, dtype=float))) for c in self._state[3:]))
@@ -291,8 +230,7 @@ class Simulation:
                 break
         if attached is not None:
             attached.points[:] = worn
-        if air is not None:
-            air.wind[:] += velocity
+        wind += velocity
 
     def _set_out(self, velocity: FloatArray, spin: FloatArray) -> None:
         """Give the cloth the velocity of what holds it, as if it were rigid."""
@@ -300,10 +238,14 @@ class Simulation:
         if attached is None:
             return
         center = self._origin + self._pose.positions[attached.bones].mean(axis=0)
-        for component, added in zip(
-            self._state[3:], (velocity + np.cross(spin, self.positions - center)).T, strict=True
-        ):
+        carried = velocity + np.cross(spin, self.positions - center)
+        for component, added in zip(self._state[3:], self.assembly.inwards(carried).T, strict=True):
             component += added
+
+    def _advance(self, motion: Motion, duration: float, substeps: int) -> int:
+        return self.solver.step(
+            self.assembly, self._room, self._state, motion, duration=duration, substeps=substeps, threads=self.threads
+        )
 
     def _recenter(self) -> None:
         """Keep the cloth near the origin that its positions refer to: far from it single precision is coarse."""
@@ -314,17 +256,16 @@ class Simulation:
         for component, moved in zip(self._state[:3], shift, strict=True):
             component -= component.dtype.type(moved)
         self._origin = self._origin + shift
-        self._pose = _moved(self._pose, -shift)
+        self._pose = self._pose.moved(-shift)
 
     def _sound(self) -> bool:
-        """Tell whether all numbers are finite and no vertex is faster than anything real."""
-        return all(np.isfinite(c).all() for c in self._state) and all(
-            float(np.abs(c).max()) < FASTEST for c in self._state[3:]
-        )
+        """Tell whether no vertex is farther or faster than anything real; what is not a number is neither."""
+        limits = 3 * (FARTHEST_LEAP,) + 3 * (FASTEST,)
+        return all(float(np.abs(c).max()) < limit for c, limit in zip(self._state, limits, strict=True))
 
 
-def _moved(pose: Pose, shift: FloatArray) -> Pose:
-    return Pose(pose.positions + shift, pose.rotations_wxyz)
+def _threads_for(vertices: int) -> int:
+    return 1 if vertices < THREADED_VERTICES else team.available_cores()
 
 
 def _at_rest(positions: FloatArray, dtype: type[np.floating]) -> State:

@@ -1,35 +1,19 @@
-"""Springs of a cloth, with stiffness from its fabric so that the resolution does not change what it does.
-
-With cells of width a and height b, tension per width Y and shear stiffness G, a lattice of springs along the threads
-and both diagonals has the plane stiffness C11 = Y and C66 = G when
-
-    k_diagonal = G (a^2 + b^2) / (2 a b)
-    k_right = (b / a) (Y - G a^2 / b^2)
-    k_down = (a / b) (Y - G b^2 / a^2)
-
-for each cell, the two edges that share a cell side taking half each (from equating the energy of a cell under uniform
-strain; the diagonals carry the G terms). Bend springs draw a vertex to the midpoint of its neighbours, with energy
-1/2 k |p0 - 2 p1 + p2|^2; equal to B/2 times curvature squared for k = B b / a^3 across and B a / b^3 down. A distance
-spring over two cells, the usual choice, has an energy of fourth order in the curvature: no bending rigidity at all.
-"""
+"""The springs of a cloth: the one force model that all solvers share."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.cloth import Cloth
+from cape.cloth import Cloth, GridCloth, MeshCloth
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# A thread keeps at least this share of its stiffness where long cells would give all of it to the diagonals.
-LEAST_SHARE = 0.1
-
 
 @dataclass(frozen=True, eq=False)
-class Springs:
-    """Springs by family over N vertices; a spring belongs to the vertex it starts from, stiffness 0 is no spring.
+class Families:
+    """The springs of a grid by family; one belongs to the vertex it starts from, stiffness 0 is no spring.
 
     Attributes:
         offsets: index of the second end minus that of the first, of the families right, down and diagonals, shape (4,).
@@ -45,70 +29,42 @@ class Springs:
     bend_offsets: IntArray
     bend_stiffness: FloatArray
 
-    def pairs(self, families: slice = slice(None)) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """List springs as first ends, second ends, stiffness [N/m] and rest lengths [m], each of shape (E,)."""
-        family, first = np.nonzero(self.stiffness[families])
-        second = first + self.offsets[families][family]
-        return first, second, self.stiffness[families][family, first], self.rest[families][family, first]
 
-    def triples(self) -> tuple[IntArray, IntArray, FloatArray]:
-        """List bend springs as first ends, offsets to the middle, and stiffness [N/m], each of shape (K,)."""
-        family, first = np.nonzero(self.bend_stiffness)
-        return first, self.bend_offsets[family], self.bend_stiffness[family, first]
+@dataclass(frozen=True, eq=False)
+class Springs:
+    """E springs between two vertices, energy 1/2 k (l - l0)^2, and K bend springs on m, energy 1/2 k |sum c_a p_a|^2.
 
+    Attributes:
+        first: first ends, shape (E,).
+        second: second ends, shape (E,).
+        stiffness: k [N/m], shape (E,), none of them zero.
+        rest: rest length l0 [m], shape (E,).
+        measured: which of them run along threads, or edges of a mesh: what stretch is measured on, shape (E,).
+        bend_vertices: shape (K, m).
+        bend_coefficients: c, zero in sum, shape (K, m).
+        bend_stiffness: [N/m], shape (K,), none of them zero.
+        families: the same springs of a grid by family, None for a mesh.
+    """
 
-THREADS = slice(0, 2)  # the families along the threads: what stretch is measured on
+    first: IntArray
+    second: IntArray
+    stiffness: FloatArray
+    rest: FloatArray
+    measured: NDArray[np.bool_]
+    bend_vertices: IntArray
+    bend_coefficients: FloatArray
+    bend_stiffness: FloatArray
+    families: Families | None = None
 
 
 def springs_of(cloth: Cloth) -> Springs:
     """Derive the springs of a cloth from its pattern and fabric."""
-    rows, columns, fabric = cloth.rows, cloth.columns, cloth.fabric
-    grid = cloth.pattern.reshape(rows, columns, 2)
-    across = np.linalg.norm(np.diff(grid, axis=1), axis=2)
-    along = np.linalg.norm(np.diff(grid, axis=0), axis=2)
-    layers = np.ones_like(across[1:]) if cloth.layers is None else cloth.layers
-    a = (across[:-1] + across[1:]) / 2.0
-    b = (along[:, :-1] + along[:, 1:]) / 2.0
+    if isinstance(cloth, GridCloth):
+        from cape.grid_springs import grid_springs
 
-    right, down = np.zeros((rows, columns)), np.zeros((rows, columns))
-    half = (
-        0.5 * layers * (b / a) * np.maximum(fabric.stretch - fabric.shear * (a / b) ** 2, LEAST_SHARE * fabric.stretch)
-    )
-    right[:-1, :-1] += half
-    right[1:, :-1] += half
-    half = (
-        0.5 * layers * (a / b) * np.maximum(fabric.stretch - fabric.shear * (b / a) ** 2, LEAST_SHARE * fabric.stretch)
-    )
-    down[:-1, :-1] += half
-    down[:-1, 1:] += half
-    diagonal, anti = np.zeros((rows, columns)), np.zeros((rows, columns))
-    diagonal[:-1, :-1] = anti[:-1, 1:] = layers * fabric.shear * (a**2 + b**2) / (2.0 * a * b)
+        return grid_springs(cloth)
+    if isinstance(cloth, MeshCloth):
+        from cape.mesh_springs import mesh_springs
 
-    # Each thread carries a strip as wide as half of its cells on both sides, in all of their layers.
-    height, width = np.zeros((rows, columns - 1)), np.zeros((rows - 1, columns))
-    height[:-1] += layers * b / 2.0
-    height[1:] += layers * b / 2.0
-    width[:, :-1] += layers * a / 2.0
-    width[:, 1:] += layers * a / 2.0
-    bend_right, bend_down = np.zeros((rows, columns)), np.zeros((rows, columns))
-    bend_right[:, :-2] = fabric.bend * _middle(height, 1) / _middle(across, 1) ** 3
-    bend_down[:-2] = fabric.bend * _middle(width, 0) / _middle(along, 0) ** 3
-
-    offsets = np.array([1, columns, columns + 1, columns - 1])
-    rest = np.ones((4, rows * columns))
-    for family, offset in enumerate(offsets):
-        ends = cloth.pattern[offset:] - cloth.pattern[:-offset]
-        rest[family, : len(ends)] = np.linalg.norm(ends, axis=1)
-    return Springs(
-        offsets=offsets,
-        stiffness=np.stack([right, down, diagonal, anti]).reshape(4, -1),
-        rest=rest,
-        bend_offsets=np.array([1, columns]),
-        bend_stiffness=np.stack([bend_right, bend_down]).reshape(2, -1),
-    )
-
-
-def _middle(sizes: FloatArray, axis: int) -> FloatArray:
-    """Mean of each two consecutive entries."""
-    ahead, behind = np.delete(sizes, 0, axis=axis), np.delete(sizes, -1, axis=axis)
-    return (ahead + behind) / 2.0
+        return mesh_springs(cloth)
+    raise TypeError(f"no springs are known for a {type(cloth).__name__}")

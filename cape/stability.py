@@ -1,16 +1,22 @@
 """The largest step that an explicit solver may take."""
 
+import hashlib
 import math
+from collections import OrderedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cape.fabric import Fabric
+from cape.kernels.stability import largest_bend_row, power_method
 from cape.springs import Springs
 
 FloatArray = NDArray[np.float64]
 
 ITERATIONS = 150  # of the power method; its estimate then lies within 2 % below the largest frequency
+REMEMBERED = 64  # largest steps of the cloths that were asked for last
+
+_known: OrderedDict[bytes, float] = OrderedDict()
 
 
 def largest_frequency(springs: Springs, inverse_mass: FloatArray, positions: FloatArray) -> float:
@@ -19,34 +25,15 @@ def largest_frequency(springs: Springs, inverse_mass: FloatArray, positions: Flo
     `inverse_mass` [1/kg] has shape (N,), zero for attached vertices; `positions` [m], shape (N, 3), give the springs'
     directions. The matrix is M^-1/2 K M^-1/2 with K the linearised stiffness, springs u u^T k and bend springs.
     """
-    first, second, stiffness, _ = springs.pairs()
-    start, offset, bend = springs.triples()
-    middle, end = start + offset, start + 2 * offset
-    direction = positions[second] - positions[first]
+    direction = positions[springs.second] - positions[springs.first]
     direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
-    root = np.sqrt(inverse_mass)[:, None]
-    count = len(inverse_mass)
-    ends = np.concatenate([first, second, start, middle, end])
-
-    def stiffness_times(v: FloatArray) -> FloatArray:
-        along = stiffness * np.einsum("ij,ij->i", v[second] - v[first], direction)
-        pull = along[:, None] * direction
-        curl = bend[:, None] * (v[start] - 2.0 * v[middle] + v[end])
-        forces = np.concatenate([-pull, pull, curl, -2.0 * curl, curl])
-        sums = [np.bincount(ends, weights=forces[:, k], minlength=count) for k in range(3)]
-        return np.stack(sums, axis=1).astype(float)
-
-    v = np.random.default_rng(0).standard_normal((count, 3)) * (root > 0)
-    squared = 0.0
-    for _ in range(ITERATIONS):
-        norm = float(np.linalg.norm(v))
-        if norm == 0.0:
-            return 0.0
-        v = v / norm
-        image = root * stiffness_times(root * v)
-        squared = float(np.sum(v * image))
-        v = image
-    return math.sqrt(max(squared, 0.0))
+    root = np.sqrt(inverse_mass)
+    start = np.random.default_rng(0).standard_normal((len(root), 3)) * (root > 0)[:, None]
+    largest = power_method(
+        start, np.empty_like(start), ITERATIONS, root, springs.first, springs.second, springs.stiffness, direction,
+        springs.bend_vertices, springs.bend_coefficients, springs.bend_stiffness,
+    )  # fmt: skip
+    return math.sqrt(max(float(largest), 0.0))
 
 
 def stable_step(frequency: float, damping_rate: float) -> float:
@@ -62,9 +49,22 @@ def stable_step(frequency: float, damping_rate: float) -> float:
 
 
 def largest_step(springs: Springs, fabric: Fabric, inverse_mass: FloatArray, positions: FloatArray) -> float:
-    """Largest stable step of symplectic Euler for a cloth at rest [s]; arrays as in `largest_frequency`."""
-    frequency = largest_frequency(springs, inverse_mass, positions)
-    # A uniform chain of second differences has 16 k / m as its largest squared frequency; both directions add up.
-    bend_squared = 16.0 * float((springs.bend_stiffness.max(axis=1) * inverse_mass.max()).sum())
-    rate = fabric.damping_time * frequency**2 + fabric.bend_damping_time * bend_squared
-    return stable_step(frequency, rate)
+    """Largest stable step of symplectic Euler for a cloth at rest [s]; arrays as in `largest_frequency`.
+
+    It is remembered for as long as stiffness, damping and mass stay as they are.
+    """
+    digest = hashlib.sha256(repr((fabric.damping_time, fabric.bend_damping_time)).encode())
+    for array in (springs.first, springs.second, springs.stiffness, springs.bend_stiffness, inverse_mass, positions):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    key = digest.digest()
+    if key not in _known:
+        frequency = largest_frequency(springs, inverse_mass, positions)
+        bend_squared = largest_bend_row(
+            inverse_mass, springs.bend_vertices, springs.bend_coefficients, springs.bend_stiffness,
+            np.empty_like(inverse_mass),
+        )  # fmt: skip
+        rate = fabric.damping_time * frequency**2 + fabric.bend_damping_time * float(bend_squared)
+        _known[key] = stable_step(frequency, rate)
+        if len(_known) > REMEMBERED:
+            _known.popitem(last=False)
+    return _known[key]

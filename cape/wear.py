@@ -3,12 +3,19 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assemble import Assembly
+from cape.attach import Attachment
+from cape.measure import deepest
+from cape.poses import Pose
+from cape.scene import WEARER_ROLES, Scene
+from motions import quaternions
 from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
-# Roles that place the wearer's frame.
-WEARER_ROLES = ("left_upper_arm", "right_upper_arm", "pelvis")
+HIGHEST_LIFT = 0.15  # m that a neckline is raised at most to clear the shoulders
+LIFT_STEP = 0.002  # m
 
 
 def wearer_to_world(left: FloatArray, right: FloatArray, pelvis: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -29,3 +36,89 @@ def wearer_to_world(left: FloatArray, right: FloatArray, pelvis: FloatArray) -> 
     y = lateral / np.linalg.norm(lateral)
     x = forward / np.linalg.norm(forward)
     return np.stack([x, y, np.cross(x, y)], axis=1), origin
+
+
+def placed(scene: Scene, pose: Pose) -> FloatArray:
+    """Positions of the vertices in the world where the cloth starts [m], shape (V, 3)."""
+    cloth = scene.cloth
+    if cloth.frame == "world":
+        return cloth.positions
+    rotation, origin = _wearer(scene, pose)
+    return origin + cloth.positions @ rotation.T
+
+
+def held_by(scene: Scene, attachment: Attachment, pose: Pose, positions: FloatArray) -> IntArray:
+    """Vertices that an attachment holds of a cloth that is placed at positions in the world [m], shape (V, 3).
+
+    Raises:
+        ValueRangeError: none is near enough.
+    """
+    if attachment.within is None:
+        return attachment.vertices
+    bone = pose.positions[scene.bones.index(attachment.bone)]
+    worn = _worn(scene, pose, positions)[attachment.vertices]
+    near = attachment.vertices[np.linalg.norm(worn - bone, axis=1) <= attachment.within]
+    if near.size == 0:
+        closest = np.linalg.norm(worn - bone, axis=1).min()
+        raise ValueRangeError(
+            f"no vertex is within {attachment.within} m of {attachment.bone!r}; the closest is {closest:.3f} m off"
+        )
+    return near
+
+
+def hold_points(
+    assembly: Assembly, pose: Pose, held: list[IntArray], positions: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Points at which bones hold the vertices, in the bones' frames [m]: where they are worn, where they start.
+
+    `held` are the vertices of each attachment, `positions` where the cloth is placed in the world [m], shape (V, 3).
+    """
+    scene, attached = assembly.scene, assembly.attached
+    if attached is None:
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    origin = pose.positions[attached.bones]
+    turn = pose.rotations_wxyz[attached.bones]
+    chosen = np.concatenate(held)
+
+    def in_bones(points: FloatArray) -> FloatArray:
+        return quaternions.rotate(quaternions.conjugate(turn), points[chosen] - origin)
+
+    worn = _worn(scene, pose, positions)
+    if scene.cloth.neckline is not None:
+        neckline = worn[: len(scene.cloth.neckline)]
+        neckline += _lift(assembly, pose, neckline)
+    worn, spread = in_bones(worn), in_bones(positions)
+    first = 0
+    for attachment, vertices in zip(scene.attachments, held, strict=True):
+        if attachment.points is not None:
+            worn[first : first + len(vertices)] = attachment.points
+        first += len(vertices)
+    return worn, worn if scene.cloth.frame == "world" else spread
+
+
+def _wearer(scene: Scene, pose: Pose) -> tuple[FloatArray, FloatArray]:
+    left, right, pelvis = (pose.positions[scene.bones.index(role)] for role in WEARER_ROLES)
+    return wearer_to_world(left, right, pelvis)
+
+
+def _worn(scene: Scene, pose: Pose, positions: FloatArray) -> FloatArray:
+    """Where the vertices would be held [m]: the neckline for the top row, otherwise where they start."""
+    cloth = scene.cloth
+    if cloth.neckline is None:
+        return positions
+    rotation, origin = _wearer(scene, pose)
+    worn = positions.copy()
+    worn[: len(cloth.neckline)] = origin + cloth.neckline @ rotation.T
+    return worn
+
+
+def _lift(assembly: Assembly, pose: Pose, neckline: FloatArray) -> FloatArray:
+    """The least way up the wearer's trunk that takes the neckline clear of all colliders [m], shape (3,)."""
+    counted = np.ones(len(neckline), dtype=bool)
+    up = _wearer(assembly.scene, pose)[0][:, 2]
+    for height in np.arange(0.0, HIGHEST_LIFT, LIFT_STEP):
+        points = neckline + height * up
+        inside, _ = deepest(assembly, tuple(points.T), counted, pose, margin=assembly.scene.thickness)
+        if inside == 0.0:
+            return height * up
+    return np.zeros(3)

@@ -26,8 +26,9 @@ from cape import (
     fabric,
     solver,
 )
+from cape.cloth import GridCloth
 from cape.springs import springs_of
-from cape.stability import largest_frequency, stable_step
+from cape.stability import largest_frequency, largest_step, stable_step
 from motions.errors import UnknownNameError, ValueRangeError
 
 CUTS = {
@@ -38,7 +39,7 @@ CUTS = {
 cuts = pytest.mark.parametrize("cloth", CUTS.values(), ids=CUTS)
 
 
-def neckline_length(cloth: Cloth) -> float:
+def neckline_length(cloth: GridCloth) -> float:
     """Length of the top row in the pattern, as the arc that its chords belong to [m]."""
     assert cloth.neckline is not None
     top = cloth.pattern[: cloth.columns]
@@ -83,7 +84,7 @@ def test_layers_weigh():
 
 
 @cuts
-def test_triangles_form_one_oriented_sheet(cloth: Cloth):
+def test_triangles_form_one_oriented_sheet(cloth: GridCloth):
     faces = cloth.triangles
     assert faces.shape == (2 * (cloth.rows - 1) * (cloth.columns - 1), 3)
     directed = Counter((int(a), int(b)) for face in faces for a, b in zip(face, np.roll(face, -1), strict=True))
@@ -98,25 +99,29 @@ def test_triangles_form_one_oriented_sheet(cloth: Cloth):
 
 
 @cuts
-def test_springs_rest_at_the_pattern_and_stay_on_the_grid(cloth: Cloth):
+def test_springs_rest_at_the_pattern_and_stay_on_the_grid(cloth: GridCloth):
     springs = springs_of(cloth)
-    first, second, stiffness, rest = springs.pairs()
-    assert (stiffness > 0).all()
-    np.testing.assert_allclose(np.linalg.norm(cloth.pattern[second] - cloth.pattern[first], axis=1), rest, rtol=1e-12)
+    first, second = springs.first, springs.second
+    assert (springs.stiffness > 0).all()
+    lengths = np.linalg.norm(cloth.pattern[second] - cloth.pattern[first], axis=1)
+    np.testing.assert_allclose(lengths, springs.rest, rtol=1e-12)
     rows, columns = np.divmod(np.stack([first, second]), cloth.columns)
     assert (np.abs(np.diff(rows, axis=0)) <= 1).all()
     assert (np.abs(np.diff(columns, axis=0)) <= 1).all()
     r, c = cloth.rows, cloth.columns
     assert len(first) == r * (c - 1) + (r - 1) * c + 2 * (r - 1) * (c - 1)
-    start, offset, bend = springs.triples()
-    assert (bend > 0).all()
+    assert springs.measured.sum() == r * (c - 1) + (r - 1) * c
+    start, middle, end = springs.bend_vertices.T
+    assert (springs.bend_stiffness > 0).all()
     assert len(start) == r * max(c - 2, 0) + max(r - 2, 0) * c
-    straight = np.where(offset == 1, start % c + 2 < c, start + 2 * offset < cloth.vertices)
+    np.testing.assert_array_equal(end - middle, middle - start)
+    straight = np.where(middle - start == 1, start % c + 2 < c, end < cloth.vertices)
     assert straight.all()
+    np.testing.assert_array_equal(springs.bend_coefficients, np.tile([1, -2, 1], (len(start), 1)))
 
 
 @cuts
-def test_regions_and_texture_coordinates(cloth: Cloth):
+def test_regions_and_texture_coordinates(cloth: GridCloth):
     grid = np.arange(cloth.vertices).reshape(cloth.rows, cloth.columns)
     for name, expected in {"top": grid[0], "bottom": grid[-1], "left": grid[:, 0], "right": grid[:, -1]}.items():
         np.testing.assert_array_equal(cloth.region(name), expected)
@@ -125,7 +130,7 @@ def test_regions_and_texture_coordinates(cloth: Cloth):
 
 
 @pytest.mark.parametrize("cloth", [CUTS["rectangle"], CUTS["cape"]], ids=["rectangle", "cape"])
-def test_the_top_row_is_its_two_ends_and_its_middle(cloth: Cloth):
+def test_the_top_row_is_its_two_ends_and_its_middle(cloth: GridCloth):
     parts = [cloth.region(name) for name in ("top_left", "top_middle", "top_right")]
     np.testing.assert_array_equal(np.concatenate(parts), cloth.region("top"))
     assert len(parts[0]) == len(parts[2]) >= 2
@@ -154,17 +159,16 @@ def test_arrays_of_a_cloth_are_read_only():
 # -- the largest stable step --
 
 
-def stiffness_matrix(cloth: Cloth) -> np.ndarray:
+def stiffness_matrix(cloth: GridCloth) -> np.ndarray:
     """Hessian of the springs' energy at rest, vertex by vertex, shape (3 V, 3 V)."""
     springs, positions, size = springs_of(cloth), cloth.positions, cloth.vertices
     matrix = np.zeros((size, 3, size, 3))
-    first, second, stiffness, _ = springs.pairs()
-    for i, j, k in zip(first, second, stiffness, strict=True):
+    for i, j, k in zip(springs.first, springs.second, springs.stiffness, strict=True):
         u = (positions[j] - positions[i]) / np.linalg.norm(positions[j] - positions[i])
         for a, b, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
             matrix[a, :, b, :] += sign * k * np.outer(u, u)
-    for i, step, k in zip(*springs.triples(), strict=True):
-        weights = {i: 1, i + step: -2, i + 2 * step: 1}
+    for members, k in zip(springs.bend_vertices, springs.bend_stiffness, strict=True):
+        weights = dict(zip(members, (1, -2, 1), strict=True))
         for a, wa in weights.items():
             for b, wb in weights.items():
                 matrix[a, :, b, :] += k * wa * wb * np.eye(3)
@@ -199,7 +203,7 @@ def test_the_stable_step_is_where_a_root_leaves_the_unit_circle(frequency: float
 # -- what is refused --
 
 
-def rectangle() -> Cloth:
+def rectangle() -> GridCloth:
     return CUTS["rectangle"]
 
 
@@ -272,10 +276,36 @@ def test_any_cape_is_a_sound_cloth_or_refused(length: float, flare: float, spaci
         return
     assert np.isfinite(cloth.positions).all()
     assert cloth.masses().min() > 0
-    first, second, stiffness, rest = springs_of(cloth).pairs()
-    assert rest.min() > 0
-    assert stiffness.min() > 0
-    assert len(first) == len(second)
+    springs = springs_of(cloth)
+    assert springs.rest.min() > 0
+    assert springs.stiffness.min() > 0
+    assert len(springs.first) == len(springs.second)
+
+
+def test_the_largest_step_is_found_anew_only_when_stiffness_or_mass_change(monkeypatch: pytest.MonkeyPatch):
+    found: list[float] = []
+
+    def counting(*arguments) -> float:
+        found.append(largest_frequency(*arguments))
+        return found[-1]
+
+    monkeypatch.setattr("cape.stability.largest_frequency", counting)
+    cloth = Cloth.rectangle(width=0.31, height=0.2, spacing=0.05)
+    weights = 1 / cloth.masses()
+    steps = []
+    for fabric_, inverse_mass in (
+        (cloth.fabric, weights),
+        (cloth.fabric, weights.copy()),
+        (replace(cloth.fabric, stretch=2 * cloth.fabric.stretch), weights),
+        (cloth.fabric, 2 * weights),
+        (cloth.fabric, weights),
+    ):
+        springs = springs_of(replace(cloth, fabric=fabric_))
+        steps.append(largest_step(springs, fabric_, inverse_mass, cloth.positions))
+    assert len(found) == 3
+    assert steps[0] == steps[1] == steps[4]
+    assert steps[0] > steps[2]
+    assert steps[0] > steps[3]
 
 
 # -- attaching by distance --

@@ -86,7 +86,7 @@ def check(clip: str | Path, folder: Path) -> None:
     read = motions.load(clip)
     body = Skeleton.from_clip(read)
     scene = dress(body, body.track(read))
-    columns = scene.cloth.columns
+    columns = len(scene.cloth.region("top"))
     free = np.ones(facts["vertices"], dtype=bool)
     for attachment in scene.attachments:
         free[attachment.vertices] = False

@@ -38,7 +38,7 @@ def replay(
         float | None, typer.Option(help="Mean distance of the cloth's vertices [m]; by default for 1,500 of them.")
     ] = None,
     length: Annotated[float | None, typer.Option(help="Length of the cape [m]; by default to the shins.")] = None,
-    solver: Annotated[str, typer.Option(help="euler or xpbd.")] = "euler",
+    solver: Annotated[str, typer.Option(help="euler, xpbd, backward_euler or tr_bdf2.")] = "euler",
     substeps: Annotated[int | None, typer.Option(help="Steps per frame; by default as many as needed.")] = None,
     fps: Fps = None,
     wind: Annotated[
@@ -104,6 +104,20 @@ def info(clip: Clip, unit: Unit = None, up: Up = None, height: Height = None, at
     from cape.cli.info import run
 
     return run(Reading(clip, unit=unit, up=up, height=height, attach=tuple(attach or ())))
+
+
+@app.command()
+def bench(
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer sizes and shorter runs.")] = False,
+    json: Json = False,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="A folder for bench.json and the plot, bench.png.")
+    ] = None,
+) -> int:
+    """Measure what the solvers cost on this machine; what a first run compiles takes minutes and counts apart."""
+    from cape.cli.bench import bench as measure
+
+    return measure(quick=quick, json=json, output=output)
 
 
 def _split(layers: str | None) -> list[str] | None:

@@ -17,7 +17,7 @@ from cape.dress import dress
 from cape.fabric import fabric
 from cape.record import LAYERS
 from cape.record.layers import check_layers
-from cape.simulate import simulate
+from cape.simulate import SlowWarning, simulate
 from cape.solvers import solver
 from cape.take import Take
 from cape.wind import Wind
@@ -45,7 +45,7 @@ def run(reading: Reading, cut: Cut, *, output: Path | None, layers: list[str] | 
     console = Console(stderr=True)
     for decision in clip.decisions:
         console.print(f"{clip.name}: {decision}", style="dim", highlight=False, soft_wrap=True)
-    with _progress(console) as advance:
+    with _told(console), _progress(console) as advance:
         take = simulate(scene, track, solver=method, name=clip.name, progress=advance)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -59,6 +59,15 @@ def run(reading: Reading, cut: Cut, *, output: Path | None, layers: list[str] | 
     if spawn:
         open_viewer(path)
     return 130 if take.result.startswith("stopped") else 0
+
+
+@contextmanager
+def _told(console: Console):
+    """Print warnings as they come, a line each."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", SlowWarning)
+        warnings.showwarning = lambda message, *_, **__: console.print(str(message), highlight=False, soft_wrap=True)
+        yield
 
 
 @contextmanager

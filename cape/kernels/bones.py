@@ -67,14 +67,16 @@ def to_world(bone, px, py, pz, positions, matrices):
 
 
 @driver
-def hold(vertices, bones, points, step, positions, matrices, x, y, z, vx, vy, vz):
-    """Put attached vertices where their bones hold them, with the velocity that brings them there in one step.
+def hold(lo, hi, vertices, bones, points, step, positions, matrices, x, y, z, vx, vy, vz):
+    """Put the attached ones of vertices lo to hi where their bones hold them.
 
-    `points` are in the bones' frames [m], shape (n, 3).
+    Their velocity is the one that brings them there in one step. `points` are in the bones' frames [m], shape (n, 3).
     """
     inverse_step = 1.0 / step
     for k in range(vertices.size):
         i = vertices[k]
+        if i < lo or i >= hi:
+            continue
         px, py, pz = to_world(bones[k], points[k, 0], points[k, 1], points[k, 2], positions, matrices)
         # advance() has moved the vertex with last step's velocity; undo it to know where the vertex was.
         vx[i] = (px - (x[i] - step * vx[i])) * inverse_step

@@ -95,8 +95,10 @@ def any_within(x, y, z, lo, hi, placed, c, reach):
 
 
 @driver
-def find_near(x, y, z, vx, vy, vz, placed, radius, thickness, bones, positions, velocity, spin, horizon, slack, near):
-    """List, for each block of vertices, the capsules that it may meet within `horizon` seconds.
+def find_near(
+    lo, hi, x, y, z, vx, vy, vz, placed, radius, thickness, bones, positions, velocity, spin, horizon, slack, near
+):
+    """List, for each block of the vertices lo to hi, the capsules that it may meet within `horizon` seconds.
 
     `near` (blocks, C + 1) is filled: the count, then the capsules' indices. `slack` [m] allows for accelerations.
     The seventh column of `placed` is filled with how far each capsule reaches in that time.
@@ -112,10 +114,9 @@ def find_near(x, y, z, vx, vy, vz, placed, radius, thickness, bones, positions, 
             sz = velocity[b, 2] + spin[b, 0] * ly - spin[b, 1] * lx
             fastest = max(fastest, sx * sx + sy * sy + sz * sz)
         placed[c, 6] = radius[c] + thickness + slack + math.sqrt(fastest) * horizon
-    for block in range(near.shape[0]):
-        lo = block * BLOCK
-        hi = min(lo + BLOCK, x.size)
-        x0, x1, y0, y1, z0, z1, fastest = bounds(x, y, z, vx, vy, vz, np.uint64(lo), np.uint64(hi))
+    for start in range(lo, hi, BLOCK):
+        block, end = start // BLOCK, min(start + BLOCK, hi)
+        x0, x1, y0, y1, z0, z1, fastest = bounds(x, y, z, vx, vy, vz, np.uint64(start), np.uint64(end))
         own = math.sqrt(fastest) * horizon
         count = 0
         for c in range(radius.size):
@@ -127,11 +128,19 @@ def find_near(x, y, z, vx, vy, vz, placed, radius, thickness, bones, positions, 
                 and max(placed[c, 1], placed[c, 4]) + margin > y0
                 and min(placed[c, 2], placed[c, 5]) - margin < z1
                 and max(placed[c, 2], placed[c, 5]) + margin > z0
-                and any_within(x, y, z, lo, hi, placed, c, margin)
+                and any_within(x, y, z, start, end, placed, c, margin)
             ):
                 count += 1
                 near[block, count] = c
         near[block, 0] = count
+
+
+@inlined
+def coefficient(friction, c):
+    """Friction of collider c, None where no collider has any."""
+    if friction is None:
+        return None
+    return friction[c]
 
 
 @inlined
@@ -145,9 +154,11 @@ def respond(i, depth, nx, ny, nz, bone, friction, step, positions, velocity, spi
     inwards = -(rx * nx + ry * ny + rz * nz)
     if inwards > 0.0:
         rx, ry, rz = rx + inwards * nx, ry + inwards * ny, rz + inwards * nz
-        slide = math.sqrt(rx * rx + ry * ry + rz * rz)
-        kept = max(0.0, 1.0 - friction * inwards / slide) if slide > 0.0 else 0.0
-        ux, uy, uz = sx + kept * rx, sy + kept * ry, sz + kept * rz
+        if friction is not None:
+            slide = math.sqrt(rx * rx + ry * ry + rz * rz)
+            kept = max(0.0, 1.0 - friction * inwards / slide) if slide > 0.0 else 0.0
+            rx, ry, rz = kept * rx, kept * ry, kept * rz
+        ux, uy, uz = sx + rx, sy + ry, sz + rz
         mx, my, mz = step * (ux - vx[i]), step * (uy - vy[i]), step * (uz - vz[i])
         vx[i], vy[i], vz[i] = ux, uy, uz
         x[i] += mx
@@ -171,39 +182,39 @@ def leave_capsule(
         reach,
     )  # fmt: skip
     respond(
-        i, -distance, nx, ny, nz, bones[c], friction[c], step, positions, velocity, spin, x, y, z, vx, vy, vz
+        i, -distance, nx, ny, nz, bones[c], coefficient(friction, c), step, positions, velocity, spin,
+        x, y, z, vx, vy, vz,
     )  # fmt: skip
 
 
 @driver
 def collide_capsules(
-    free, x, y, z, vx, vy, vz, near, touched, bones, placed, radius, friction, thickness, step,
+    lo, hi, free, x, y, z, vx, vy, vz, near, touched, bones, placed, radius, friction, thickness, step,
     positions, velocity, spin,
 ):  # fmt: skip
-    """Keep the free vertices out of all near capsules.
+    """Keep the free ones of vertices lo to hi out of all near capsules.
 
     Where capsules overlap, leaving one may mean entering another: each vertex that touches any is led around all near
     ones until none is violated, or `PASSES` times. `touched` (BLOCK,) is room for a mark of each.
     """
-    for block in range(near.shape[0]):
-        lo = block * BLOCK
-        hi = min(lo + BLOCK, x.size)
+    for start in range(lo, hi, BLOCK):
+        block, end = start // BLOCK, min(start + BLOCK, hi)
         touched[:] = 0
         for k in range(near[block, 0]):
             c = near[block, k + 1]
             reach = radius[c] + thickness
-            if not any_within(x, y, z, lo, hi, placed, c, reach):
+            if not any_within(x, y, z, start, end, placed, c, reach):
                 continue
-            for i in range(lo, hi):
+            for i in range(start, end):
                 if free[i] and is_within(x[i], y[i], z[i], placed, c, reach):
                     leave_capsule(
                         i, c, reach, bones, placed, friction, step, positions, velocity, spin, x, y, z, vx, vy, vz
                     )  # fmt: skip
-                    touched[i - lo] = 1
+                    touched[i - start] = 1
         if near[block, 0] < 2:
             continue
-        for i in range(lo, hi):
-            if touched[i - lo] == 0:
+        for i in range(start, end):
+            if touched[i - start] == 0:
                 continue
             for _ in range(PASSES):
                 clear = True
@@ -231,9 +242,13 @@ def count_behind(x, y, z, nx, ny, nz, offset):
 
 @driver
 def collide_planes(
-    free, x, y, z, vx, vy, vz, bones, points, normals, friction, thickness, step, positions, matrices, velocity, spin
-):
-    """Keep the free vertices in front of planes; points [m] and unit normals in the bones' frames, shape (P, 3)."""
+    lo, hi, free, x, y, z, vx, vy, vz, bones, points, normals, friction, thickness, step,
+    positions, matrices, velocity, spin,
+):  # fmt: skip
+    """Keep the free ones of vertices lo to hi in front of planes.
+
+    Points [m] and unit normals are in the bones' frames, shape (P, 3).
+    """
     dtype = x.dtype.type
     for p in range(bones.size):
         b = bones[p]
@@ -244,23 +259,23 @@ def collide_planes(
         mz = m[2, 0] * n[0] + m[2, 1] * n[1] + m[2, 2] * n[2]
         # Rounding in single precision decides at most whether to look closer.
         offset = ox * mx + oy * my + oz * mz + thickness + GRAZE
-        if count_behind(x, y, z, dtype(mx), dtype(my), dtype(mz), dtype(offset)) == 0:
+        if count_behind(x[lo:hi], y[lo:hi], z[lo:hi], dtype(mx), dtype(my), dtype(mz), dtype(offset)) == 0:
             continue
-        for i in range(x.size):
+        for i in range(lo, hi):
             distance, nx, ny, nz = to_plane(x[i], y[i], z[i], ox, oy, oz, mx, my, mz)
             if distance < thickness and free[i]:
                 respond(
-                    i, thickness - distance, nx, ny, nz, b, friction[p], step,
+                    i, thickness - distance, nx, ny, nz, b, coefficient(friction, p), step,
                     positions, velocity, spin, x, y, z, vx, vy, vz,
                 )  # fmt: skip
 
 
 @driver
 def collide_boxes(
-    free, x, y, z, vx, vy, vz, bones, centers, halves, frames, r, friction, thickness, step,
+    lo, hi, free, x, y, z, vx, vy, vz, bones, centers, halves, frames, r, friction, thickness, step,
     positions, matrices, velocity, spin,
 ):  # fmt: skip
-    """Keep the free vertices out of boxes.
+    """Keep the free ones of vertices lo to hi out of boxes.
 
     Centres [m] are in the bones' frames, `halves` [m] and `frames` (N, 3, 3) box_to_bone describe the cuboids; `r`
     (3, 3) is room for a box_to_world.
@@ -276,7 +291,7 @@ def collide_boxes(
                     + matrices[b, row, 2] * frames[k, 2, column]
                 )
         reach = math.sqrt(halves[k, 0] ** 2 + halves[k, 1] ** 2 + halves[k, 2] ** 2) + thickness
-        for i in range(x.size):
+        for i in range(lo, hi):
             wx, wy, wz = x[i] - cx, y[i] - cy, z[i] - cz
             if wx * wx + wy * wy + wz * wz > reach * reach or not free[i]:
                 continue
@@ -294,5 +309,5 @@ def collide_boxes(
                     r[0, 0] * lx + r[0, 1] * ly + r[0, 2] * lz,
                     r[1, 0] * lx + r[1, 1] * ly + r[1, 2] * lz,
                     r[2, 0] * lx + r[2, 1] * ly + r[2, 2] * lz,
-                    b, friction[k], step, positions, velocity, spin, x, y, z, vx, vy, vz,
+                    b, coefficient(friction, k), step, positions, velocity, spin, x, y, z, vx, vy, vz,
                 )  # fmt: skip

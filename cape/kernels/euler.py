@@ -1,48 +1,52 @@
-"""Symplectic Euler on a grid of springs: one call is one frame."""
+"""Symplectic Euler: one call is one frame, for one thread or each of a team."""
 
 from cape.kernels.bones import move_bones, start_motion
-from cape.kernels.frame import add_air, collide, hold_attached
-from cape.kernels.grid import add_bend_forces, add_spring_forces, advance, spring_forces
-from cape.kernels.jit import driver
+from cape.kernels.forces import compute_forces
+from cape.kernels.frame import collide, hold_attached
+from cape.kernels.jit import driver, kernel
+from cape.kernels.team import meet, span
+
+
+@kernel
+def advance(dt, gravity_x, gravity_y, gravity_z, inverse_mass, fx, fy, fz, x, y, z, vx, vy, vz):
+    """One step: v += dt a, then x += dt v with the new v."""
+    for i in range(x.size):
+        a = dt * inverse_mass[i]
+        vx[i] += a * fx[i] + dt * gravity_x
+        vy[i] += a * fy[i] + dt * gravity_y
+        vz[i] += a * fz[i] + dt * gravity_z
+        x[i] += dt * vx[i]
+        y[i] += dt * vy[i]
+        z[i] += dt * vz[i]
 
 
 @driver
 def euler_frame(
-    s, springs, forces, spring_room, motion, m, attached, air, free, thickness, capsules, planes, boxes,
-    substeps, duration,
+    s, model, inertia, forces, room, motion, m, attached, free, thickness, capsules, planes, boxes,
+    substeps, duration, team,
 ):  # fmt: skip
     """Advance the state `s` by `duration` [s] in `substeps` steps: forces, integration, contact, attachments.
 
-    `forces` and `spring_room` (3, N) are room; `m` is a MotionRoom; `attached`, `air`, `capsules`,
-    `planes` and `boxes` are None where the scene has none, and then pruned with the code that serves them.
+    `forces` (3, N) is shared room, `room` the forces' scratch and `m` a MotionRoom of this thread; `attached`,
+    `capsules`, `planes`, `boxes`, `team` and the parts of `model` are None where there are none, and then pruned.
     """
+    lo, hi = span(s.x.size, team)
     step = duration / substeps
     dtype = s.x.dtype.type
     fx, fy, fz = forces[0], forces[1], forces[2]
-    sx, sy, sz = spring_room[0], spring_room[1], spring_room[2]
-    gx, gy, gz = dtype(springs.gravity[0]), dtype(springs.gravity[1]), dtype(springs.gravity[2])
-    damping, bend_damping = dtype(springs.damping_time), dtype(springs.bend_damping_time)
+    gx, gy, gz = dtype(inertia.gravity[0]), dtype(inertia.gravity[1]), dtype(inertia.gravity[2])
     start_motion(
         motion.position0, motion.rotation0, motion.position1, motion.rotation1, duration, substeps,
         m.matrices, m.turns, m.velocity, m.spin,
     )  # fmt: skip
     for substep in range(substeps):
-        for family in range(springs.offsets.size):
-            offset = springs.offsets[family]
-            spring_forces(
-                offset, s.x, s.y, s.z, s.vx, s.vy, s.vz, springs.stiffness[family], springs.rest[family],
-                damping, dtype(1e-18), sx, sy, sz,
-            )  # fmt: skip
-            add_spring_forces(offset, sx, sy, sz, fx, fy, fz)
-        for family in range(springs.bend_offsets.size):
-            offset, stiffness = springs.bend_offsets[family], springs.bend_stiffness[family]
-            add_bend_forces(offset, s.x, s.vx, stiffness, bend_damping, sx, fx)
-            add_bend_forces(offset, s.y, s.vy, stiffness, bend_damping, sx, fy)
-            add_bend_forces(offset, s.z, s.vz, stiffness, bend_damping, sx, fz)
-        if air is not None:
-            add_air(s, air, fx, fy, fz)
-        advance(dtype(step), gx, gy, gz, springs.inverse_mass, fx, fy, fz, s.x, s.y, s.z, s.vx, s.vy, s.vz)
+        compute_forces(lo, hi, s, model, fx, fy, fz, room, team)
+        meet(team)
+        advance(
+            dtype(step), gx, gy, gz, inertia.inverse_mass[lo:hi], fx[lo:hi], fy[lo:hi], fz[lo:hi],
+            s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
+        )  # fmt: skip
         move_bones(motion.position0, m.velocity, m.turns, (substep + 1) * step, m.positions, m.matrices)
-        collide(s, free, thickness, capsules, planes, boxes, m, substep, step)
-        if attached is not None:
-            hold_attached(s, attached, m, step)
+        collide(lo, hi, s, free, thickness, capsules, planes, boxes, m, substep, step)
+        hold_attached(lo, hi, s, attached, m, step)
+        meet(team)

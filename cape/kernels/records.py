@@ -23,39 +23,146 @@ class State(NamedTuple):
 class GridSprings(NamedTuple):
     """Springs of a grid cloth by family, zero where a spring would leave the grid.
 
-    `offsets` (4,) to the right, down and along both diagonals; `stiffness` [N/m] and `rest` [m] (4, N); `bend_offsets`
-    (2,) and `bend_stiffness` [N/m] (2, N); `inverse_mass` [1/kg] (N,), zero for attached vertices; damping times [s].
+    `offsets` (4,) to the right, down and along both diagonals; `stiffness` [N/m] and `rest` [m] (4, N).
     """
 
     offsets: Indices
     stiffness: Array
     rest: Array
-    bend_offsets: Indices
-    bend_stiffness: Array
+
+
+class GridBends(NamedTuple):
+    """Bend springs of a grid cloth, across and down: `offsets` (2,), `stiffness` [N/m] (2, N)."""
+
+    offsets: Indices
+    stiffness: Array
+
+
+class GridAir(NamedTuple):
+    """Uniform wind [m/s] (3,), rho Cd / 12 and rho Cl / 12 [kg/m3], and 1 where a grid cell starts, (N,)."""
+
+    wind: Array
+    drag: float
+    lift: float
+    cells: Array
+    columns: int
+
+
+class MeshSprings(NamedTuple):
+    """Links between vertices of a mesh, each owned by one end: D rows of N, a vertex linked to itself for padding.
+
+    `second` (D, N), the other ends; `stiffness` [N/m] and `rest` [m] of their springs (D, N), 0 and 1 for no spring;
+    `start` (slices + 1,) and `incoming`, for each vertex of a slice the places d N + i of the links that others own,
+    D N for padding. Room: for coordinates with their velocities as words (3, N), fetched ends (3, N), each rank using
+    its own part, and forces on the other ends [N] (3, D N + 1), the last 0.
+    """
+
+    second: NDArray[np.uint32]
+    stiffness: Array
+    rest: Array
+    start: Indices
+    incoming: NDArray[np.uint32]
+    words: NDArray[np.generic]
+    ends: NDArray[np.generic]
+    forces: Array
+
+
+class MeshBends(NamedTuple):
+    """Bending of a mesh: its force on a link's owner is `weight` [N/m] times the vector to the other end, (D, N)."""
+
+    weight: Array
+
+
+class MeshAir(NamedTuple):
+    """Uniform wind [m/s] (3,), rho Cd / 12 and rho Cl / 12 [kg/m3], on triangles that one corner owns, D rows of N.
+
+    `second` and `third` (D, N) are the other corners; the rest as in MeshSprings, but six fetched ends (6, N).
+    """
+
+    wind: Array
+    drag: float
+    lift: float
+    second: NDArray[np.uint32]
+    third: NDArray[np.uint32]
+    start: Indices
+    incoming: NDArray[np.uint32]
+    words: NDArray[np.generic]
+    ends: NDArray[np.generic]
+    forces: Array
+
+
+class ForceModel(NamedTuple):
+    """What acts between the vertices, in the solver's precision; what a scene lacks is None.
+
+    A cloth is either a grid or a mesh. `damping` and `bend_damping` are damping times [s].
+    """
+
+    grid: GridSprings | None
+    grid_bends: GridBends | None
+    grid_air: GridAir | None
+    mesh: MeshSprings | None
+    mesh_bends: MeshBends | None
+    mesh_air: MeshAir | None
+    damping: float | None
+    bend_damping: float | None
+
+
+class Team(NamedTuple):
+    """One of the threads that share a cloth: its rank, how many there are, and where they meet."""
+
+    rank: int
+    size: int
+    arrivals: NDArray[np.int64]
+
+
+class Inertia(NamedTuple):
+    """What every vertex has: `inverse_mass` [1/kg] (N,), zero for attached ones, and `gravity` [m/s2] (3,)."""
+
     inverse_mass: Array
-    damping_time: float
-    bend_damping_time: float
     gravity: Array
 
 
 class Constraints(NamedTuple):
-    """XPBD constraints, sorted by colour: E stretch constraints between two vertices with rest lengths [m] and K bend
-    constraints on three, compliances [m/N], room for their multipliers (E,) and (3, K); the rest as in GridSprings."""
+    """E XPBD constraints, in any arrangement: stiffness [N/m], rest length [m] (None for bend springs), the sum of
+    w |grad C|^2 [1/kg], room for the gains [N s/m] of a step; and where a step has several sweeps, for what share of an
+    impulse a sweep gives up and for the impulses [N s], of bend springs along all three axes."""
 
-    first: Indices
-    second: Indices
-    rest: Array
-    compliance: Array
-    lagrange: Array
-    bend_first: Indices
-    bend_middle: Indices
-    bend_last: Indices
-    bend_compliance: Array
-    bend_lagrange: Array
+    stiffness: Array
+    rest: Array | None
+    mobility: Array
+    gain: Array
+    slack: Array | None
+    impulse: Array | None
+
+
+class GridConstraints(NamedTuple):
+    """Constraints of a grid cloth by family, each at its first vertex: arrays (3, n) by hand, see `xpbd_grid`; room for
+    positions and velocities there (3, 3, n)."""
+
+    columns: int
     inverse_mass: Array
-    damping_time: float
-    bend_damping_time: float
-    gravity: Array
+    positions: Array
+    velocities: Array
+    across: Constraints
+    down: Constraints
+    diagonal: Constraints | None
+    anti: Constraints | None
+    bend_across: Constraints | None
+    bend_down: Constraints | None
+
+
+class MeshConstraints(NamedTuple):
+    """Constraints of a mesh sorted by colour: springs between two vertices each (E,), bend springs on four (K, 4);
+    each colour goes from its place in `starts` to the next."""
+
+    first: NDArray[np.uint32]
+    second: NDArray[np.uint32]
+    starts: Indices
+    stretch: Constraints
+    vertices: NDArray[np.uint32]
+    coefficients: Array
+    bend_starts: Indices
+    bend: Constraints | None
 
 
 class Motion(NamedTuple):
@@ -85,17 +192,6 @@ class Attached(NamedTuple):
     points: Array
 
 
-class Air(NamedTuple):
-    """Uniform wind [m/s] (3,), rho Cd / 12 and rho Cl / 12 [kg/m3], and 1 where a grid cell starts, (N,)."""
-
-    wind: Array
-    drag: float
-    lift: float
-    cells: Array
-    columns: int
-    room: Array
-
-
 class Capsules(NamedTuple):
     """Capsules by bone (C,), ends in the bone's frame [m] (C, 3), radius [m] and friction (C,); room for where
     they are in the world (C, 8), for those near each block of vertices (blocks, C + 1) and for a block (BLOCK,)."""
@@ -104,7 +200,7 @@ class Capsules(NamedTuple):
     starts: Array
     ends: Array
     radius: Array
-    friction: Array
+    friction: Array | None
     placed: Array
     near: Indices
     touched: Indices
@@ -116,7 +212,7 @@ class Planes(NamedTuple):
     bones: Indices
     points: Array
     normals: Array
-    friction: Array
+    friction: Array | None
 
 
 class Boxes(NamedTuple):
@@ -127,7 +223,7 @@ class Boxes(NamedTuple):
     centers: Array
     halves: Array
     frames: Array
-    friction: Array
+    friction: Array | None
     room: Array
 
 

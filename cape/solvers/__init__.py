@@ -2,10 +2,16 @@
 
 from cape.solvers.base import Solver
 from cape.solvers.euler import SymplecticEuler
+from cape.solvers.implicit import TRBDF2, BackwardEuler
 from cape.solvers.xpbd import XPBD
 from motions.errors import UnknownNameError
 
-SOLVERS: dict[str, type[Solver]] = {"euler": SymplecticEuler, "xpbd": XPBD}
+SOLVERS: dict[str, type[Solver]] = {
+    "euler": SymplecticEuler,
+    "xpbd": XPBD,
+    "backward_euler": BackwardEuler,
+    "tr_bdf2": TRBDF2,
+}
 
 
 def solver(name: str, *, substeps: int | None = None) -> Solver:
@@ -20,4 +26,4 @@ def solver(name: str, *, substeps: int | None = None) -> Solver:
     return SOLVERS[name](substeps=substeps)
 
 
-__all__ = ["SOLVERS", "XPBD", "Solver", "SymplecticEuler", "solver"]
+__all__ = ["SOLVERS", "TRBDF2", "XPBD", "BackwardEuler", "Solver", "SymplecticEuler", "solver"]

@@ -17,12 +17,12 @@ class Solver(ABC):
 
     Attributes:
         substeps: steps in each frame, None to let the solver choose.
-        precision: of the cloth's positions and velocities.
+        precision: of the cloth's positions and velocities; None to let the solver choose.
     """
 
     name: ClassVar[str]
     substeps: int | None = None
-    precision: Literal["single", "double"] = "single"
+    precision: Literal["single", "double"] | None = None
 
     def __post_init__(self) -> None:
         """Check the settings.
@@ -32,12 +32,11 @@ class Solver(ABC):
         """
         if self.substeps is not None and self.substeps < 1:
             raise ValueRangeError(f"substeps must be 1 or more, not {self.substeps}")
-        if self.precision not in ("single", "double"):
+        if self.precision not in ("single", "double", None):
             raise ValueRangeError(f"precision must be single or double, not {self.precision!r}")
 
-    @property
-    def dtype(self) -> type[np.floating]:
-        """The precision as a numpy type."""
+    def dtype(self, assembly: Assembly) -> type[np.floating]:
+        """The precision for a scene, as a numpy type: double unless single is asked for."""
         return np.float32 if self.precision == "single" else np.float64
 
     @abstractmethod
@@ -50,6 +49,20 @@ class Solver(ABC):
 
     @abstractmethod
     def step(
-        self, assembly: Assembly, room: Any, state: State, motion: Motion, *, duration: float, substeps: int
-    ) -> None:
-        """Advance `state` in place by a frame of `duration` [s], while the bones move as `motion` tells."""
+        self,
+        assembly: Assembly,
+        room: Any,
+        state: State,
+        motion: Motion,
+        *,
+        duration: float,
+        substeps: int,
+        threads: int = 1,
+    ) -> int:
+        """Advance `state` in place by a frame of `duration` [s], while the bones move as `motion` tells.
+
+        `threads` is at most the number of the assembly's ranks; it never changes the result.
+
+        Returns:
+            How many solves within the frame did not reach the solver's tolerance, 0 for explicit methods.
+        """

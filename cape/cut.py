@@ -1,0 +1,136 @@
+"""How a cape is cut and worn: its flat pattern, its neckline, its sewn edges, the names of its parts."""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from motions.errors import ValueRangeError
+
+FloatArray = NDArray[np.float64]
+# Cells are a little wider than high on average, so that they are not much narrower at the neckline, where the
+# narrowest ones set the largest stable step.
+WIDER_CELLS = 1.12
+MOST_CELLS = 4000  # along one side; 16 million vertices are more than any machine steps
+SLACK = 1.1  # length of the neckline over that of the way it is worn: room for the shoulders to move
+
+
+def cells(size: float, spacing: float) -> int:
+    """Number of cells along a side [m], at least one.
+
+    Raises:
+        ValueRangeError: there would be too many.
+    """
+    count = max(1, round(min(size / spacing, 1e9)))
+    if count > MOST_CELLS:
+        raise ValueRangeError(
+            f"a spacing of {spacing:g} m is too fine for {size:.2f} m: at most {MOST_CELLS} cells a side"
+        )
+    return count
+
+
+def unit(direction: ArrayLike, name: str) -> FloatArray:
+    """Scale a direction to length 1.
+
+    Raises:
+        ValueRangeError: it is zero, not finite, or no vector of three.
+    """
+    vector = np.asarray(direction, dtype=float)
+    length = float(np.linalg.norm(vector))
+    if vector.shape != (3,) or not 0.0 < length < math.inf:
+        raise ValueRangeError(f"{name} must be three finite numbers, not all zero")
+    return vector / length
+
+
+def annular_sector(
+    length: float, flare: float, spacing: float, shoulder_width: float
+) -> tuple[int, int, FloatArray, FloatArray]:
+    """Lay out a cape: rows, columns, its flat pattern (V, 2) and its neckline as worn (columns, 3) [m].
+
+    Raises:
+        ValueRangeError: the spacing is too wide for the cape.
+    """
+    curve = _neckline(shoulder_width)
+    inner = SLACK * _length(curve)
+    rows = cells(length, spacing / WIDER_CELLS) + 1
+    columns = cells(inner * (1.0 + flare) / 2.0, spacing * WIDER_CELLS) + 1
+    if rows < 4 or columns < 8:
+        raise ValueRangeError(f"a spacing of {spacing:g} m is too wide for a cape {length:.2f} m long")
+    angle = inner * (flare - 1.0) / length
+    radius = inner / angle
+    theta, rho = np.meshgrid(
+        np.linspace(-angle / 2.0, angle / 2.0, columns), np.linspace(radius, radius + length, rows)
+    )
+    pattern = np.stack([(rho * np.sin(theta)).ravel(), (rho * np.cos(theta) - radius).ravel()], axis=1)
+    return rows, columns, pattern, _worn(curve, columns)
+
+
+def spread_out(pattern: FloatArray) -> FloatArray:
+    """Where a cape starts, in the wearer's frame [m], shape (V, 3): flat behind the back, where no limb is likely."""
+    tilt = math.radians(25.0)
+    back, up = -0.28, 0.12
+    return np.stack(
+        [back - pattern[:, 1] * math.cos(tilt), -pattern[:, 0], up - pattern[:, 1] * math.sin(tilt)], axis=1
+    )
+
+
+def sewn_edges(rows: int, columns: int, layers: float) -> FloatArray:
+    """Layers of fabric in each cell: the hem one cell wide, the collar two cells wide and twice as thick."""
+    counts = np.ones((rows - 1, columns - 1))
+    counts[-1] = counts[:, 0] = counts[:, -1] = layers
+    counts[:2] = 2.0 * layers
+    return counts
+
+
+def grid_regions(rows: int, columns: int) -> dict[str, NDArray[np.int64]]:
+    """Name the edges and, of the top row, the first and the last eighth and what lies between."""
+    index = np.arange(rows * columns).reshape(rows, columns)
+    end = _held_end(columns)
+    return {
+        "top": index[0].copy(),
+        "bottom": index[-1].copy(),
+        "left": index[:, 0].copy(),
+        "right": index[:, -1].copy(),
+        "top_left": index[0, :end].copy(),
+        "top_middle": index[0, end : columns - end].copy(),
+        "top_right": index[0, columns - end :].copy(),
+    }
+
+
+def _neckline(shoulder_width: float) -> FloatArray:
+    """Trace a fine curve from the front of the left shoulder behind the neck to the right one, shape (n, 3) [m].
+
+    An arc of 140 degrees of an ellipse, in the wearer's frame.
+    """
+    angle = np.radians(np.linspace(70.0, -70.0, 721))
+    half_width, depth = 0.48 * shoulder_width, 0.3 * shoulder_width
+    return np.stack(
+        [-depth * np.cos(angle), half_width * np.sin(angle), np.full_like(angle, 0.16 * shoulder_width)], axis=1
+    )
+
+
+def _worn(curve: FloatArray, columns: int) -> FloatArray:
+    """Where the top row is worn: both ends of the curve at the pattern's own spacing, the slack all in the middle."""
+    pattern, curve_length = np.linspace(0.0, SLACK * _length(curve), columns), _length(curve)
+    excess, end = pattern[-1] - curve_length, _held_end(columns)
+    distances = pattern.copy()
+    distances[columns - end :] -= excess
+    distances[end : columns - end] = np.interp(
+        pattern[end : columns - end], pattern[[end - 1, columns - end]], distances[[end - 1, columns - end]]
+    )
+    return _along(curve, distances)
+
+
+def _held_end(columns: int) -> int:
+    """Number of vertices at either end of the top row that a shoulder holds."""
+    return max(2, columns // 8)
+
+
+def _length(curve: FloatArray) -> float:
+    return float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
+
+
+def _along(curve: FloatArray, distances: FloatArray) -> FloatArray:
+    """Points of a curve at given distances along it."""
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
+    return np.stack([np.interp(distances, travelled, curve[:, k]) for k in range(3)], axis=1)

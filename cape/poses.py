@@ -1,0 +1,55 @@
+"""Where bones are at one instant, as a simulation takes it."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from motions import quaternions
+from motions.errors import UnknownNameError, ValueRangeError
+
+FloatArray = NDArray[np.float64]
+
+
+class Pose(NamedTuple):
+    """Where bones are: origins in the world [m] (B, 3), unit quaternions bone_to_world wxyz (B, 4)."""
+
+    positions: FloatArray
+    rotations_wxyz: FloatArray
+
+    def moved(self, shift: FloatArray) -> "Pose":
+        """Give the pose that lies a vector [m] further on."""
+        return Pose(self.positions + shift, self.rotations_wxyz)
+
+
+Bones = Mapping[str, tuple[ArrayLike, ArrayLike]] | Pose
+
+
+def read_pose(bones: Bones, names: Sequence[str]) -> Pose:
+    """Check the poses of the named bones, and add the world as one that comes last.
+
+    `bones` is a mapping from each name to (position [m], quaternion bone_to_world wxyz), or a `Pose` in their order.
+
+    Raises:
+        UnknownNameError: a bone's pose is missing.
+        ValueRangeError: the number of bones is wrong, or a pose is not finite or no rotation.
+    """
+    if isinstance(bones, Pose):
+        positions, rotations = np.asarray(bones.positions), np.asarray(bones.rotations_wxyz)
+    else:
+        missing = [name for name in names if name not in bones]
+        if missing:
+            raise UnknownNameError("bone", missing[0], bones, "The scene uses " + ", ".join(names))
+        positions = np.array([bones[name][0] for name in names], dtype=float).reshape(-1, 3)
+        rotations = np.array([bones[name][1] for name in names], dtype=float).reshape(-1, 4)
+    if positions.shape != (len(names), 3) or rotations.shape != (len(names), 4):
+        raise ValueRangeError(f"a pose of {len(names)} bones is needed: {', '.join(names)}")
+    if not (np.isfinite(positions).all() and np.isfinite(rotations).all()):
+        raise ValueRangeError("the pose of the bones is not finite")
+    if not np.linalg.norm(rotations, axis=1).all():
+        raise ValueRangeError("the rotation of a bone is a quaternion of zeros")
+    return Pose(
+        np.concatenate([positions, np.zeros((1, 3))]),
+        np.concatenate([quaternions.normalize(rotations), [[1.0, 0.0, 0.0, 0.0]]]),
+    )

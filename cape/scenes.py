@@ -1,0 +1,157 @@
+"""The standard scenes that tests, benchmarks and the report share."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.attach import attach
+from cape.cloth import Cloth
+from cape.colliders import Box, Sphere
+from cape.fabric import Fabric
+from cape.scene import Scene
+from cape.wind import Wind
+from motions import quaternions
+from motions.errors import UnknownNameError
+from skeleton.capsules import Capsule
+from skeleton.track import BoneTrack
+
+FloatArray = NDArray[np.float64]
+
+FPS = 60.0
+
+
+@dataclass(frozen=True, eq=False)
+class StandardScene:
+    """A scene with the motion of its bones.
+
+    Attributes:
+        name: what it is called.
+        scene: cloth, attachments, colliders, forces.
+        track: poses of the bones.
+        smooth: nothing touches the cloth, so that its motion depends smoothly on where it starts.
+    """
+
+    name: str
+    scene: Scene
+    track: BoneTrack
+    smooth: bool = False
+
+
+def standard_scene(name: str) -> StandardScene:
+    """Build the standard scene of that name.
+
+    Raises:
+        UnknownNameError: there is no such scene.
+    """
+    if name not in STANDARD_SCENES:
+        raise UnknownNameError("standard scene", name, STANDARD_SCENES)
+    return STANDARD_SCENES[name]()
+
+
+def swing(*, spacing: float = 0.03, fabric: Fabric | None = None, seconds: float = 3.0) -> StandardScene:
+    """A sheet of 0.8 x 1.2 m whose top edge is shaken sideways by 15 cm, once a second, from rest."""
+    cloth = Cloth.rectangle(width=0.8, height=1.2, spacing=spacing, fabric=fabric, origin=(0.0, 0.4, 1.5))
+    times = _times(seconds)
+    # The sine sets out slowly over a quarter of a second, so that it has no kink that a step could not resolve.
+    ramp = np.clip(times / 0.25, 0.0, 1.0)
+    place = np.zeros((len(times), 3))
+    place[:, 0] = 0.15 * ramp**3 * (10.0 - 15.0 * ramp + 6.0 * ramp**2) * np.sin(2.0 * np.pi * times)
+    track = _track(times, rod=place)
+    return StandardScene("swing", Scene(cloth, [attach(cloth, "rod", "top")]), track, smooth=True)
+
+
+def flag(*, spacing: float = 0.03, seconds: float = 3.0) -> StandardScene:
+    """A flag of 1.2 x 0.8 m in a wind of 6 m/s, held along one edge by a pole that stands still."""
+    cloth = Cloth.rectangle(width=1.2, height=0.8, spacing=spacing, origin=(0.0, 0.0, 2.0), right=(0.98, 0.2, 0.0))
+    times = _times(seconds)
+    scene = Scene(cloth, [attach(cloth, "pole", "left")], wind=Wind(velocity=(6.0, 0.0, 0.0)))
+    return StandardScene("flag", scene, _track(times, pole=np.zeros((len(times), 3))), smooth=True)
+
+
+def draped(name: str, collider: Sphere | Box, *, spacing: float = 0.03, seconds: float = 3.0) -> StandardScene:
+    """A sheet of 1 x 1 m that falls onto a shape from 0.1 m above it."""
+    cloth = Cloth.rectangle(
+        width=1.0, height=1.0, spacing=spacing, origin=(-0.5, 0.5, 0.4), right=(0, -1, 0), down=(1, 0, 0)
+    )
+    times = _times(seconds)
+    return StandardScene(
+        name, Scene(cloth, [], [collider], wind=Wind()), _track(times, ground=np.zeros((len(times), 3)))
+    )
+
+
+def plain(*, spacing: float = 0.0257, fabric: Fabric | None = None, seconds: float = 10.0) -> StandardScene:
+    """A cape of 32 x 48 vertices behind six moving capsules, without any skeleton.
+
+    0.8 x 1.2 m, 0.2 kg/m2; the top row walks forward at 1.5 m/s with a bob of 5 cm at 2 Hz, and torso, head, upper arms
+    and thighs with it, the limbs swinging once a second.
+    """
+    cloth = Cloth.rectangle(width=0.8, height=1.2, spacing=spacing, fabric=fabric, origin=(-0.2, 0.4, 1.45))
+    times = _times(seconds)
+    walk = np.zeros((len(times), 3))
+    walk[:, 0] = 1.5 * times
+    walk[:, 2] = 0.05 * np.sin(2.0 * np.pi * 2.0 * times)
+    swinging = 0.5 * np.sin(2.0 * np.pi * times)
+    joints = {
+        "torso": ((0.0, 0.0, 1.0), 0.0),
+        "head": ((0.0, 0.0, 1.55), 0.0),
+        "left_arm": ((0.0, 0.2, 1.4), 1.0),
+        "right_arm": ((0.0, -0.2, 1.4), -1.0),
+        "left_thigh": ((0.0, 0.1, 0.95), -0.8),
+        "right_thigh": ((0.0, -0.1, 0.95), 0.8),
+    }
+    sizes = {"torso": (0.4, 0.13), "head": (0.12, 0.1), "arm": (-0.3, 0.05), "thigh": (-0.42, 0.08)}
+    capsules = []
+    for bone in joints:
+        length, radius = sizes[bone.split("_")[-1]]
+        capsules.append(Capsule(bone, bone, np.zeros(3), np.array([0.0, 0.0, length]), radius))
+    turns = [swinging[:, None] * np.array([0.0, share, 0.0]) for _, share in joints.values()]
+    track = BoneTrack(
+        tuple(joints),
+        times,
+        np.stack([walk + np.array(place) for place, _ in joints.values()], axis=1),
+        np.stack([quaternions.from_rotation_vector(turn) for turn in turns], axis=1),
+    )
+    return StandardScene("plain", Scene(cloth, [attach(cloth, "torso", "top")], capsules), track)
+
+
+def worn(clip: str, *, vertices: int | None = None, fabric: Fabric | None = None) -> StandardScene:
+    """A cape on a body that moves as a shipped clip tells, with about so many vertices."""
+    import motions
+    from cape.dress import SPACING, dress
+    from skeleton.model import Skeleton
+
+    motion = motions.load(clip)
+    body = Skeleton.from_clip(motion)
+    track = body.track(motion)
+    spacing = SPACING * body.height()
+    if vertices is not None:
+        spacing *= np.sqrt(dress(body, track).cloth.vertices / vertices)
+    return StandardScene(clip, dress(body, track, spacing=spacing, fabric=fabric), track)
+
+
+STANDARD_SCENES: dict[str, Callable[[], StandardScene]] = {
+    "swing": swing,
+    "flag": flag,
+    "sphere": partial(draped, "sphere", Sphere(center=np.zeros(3), radius=0.3)),
+    "cube": partial(draped, "cube", Box(center=np.zeros(3), half_sizes=np.full(3, 0.3))),
+    "plain": plain,
+    "walk": partial(worn, "walk"),
+    "run": partial(worn, "run"),
+    "spin": partial(worn, "spin"),
+    "kick": partial(worn, "kick"),
+    "stiff": lambda: replace(swing(fabric=Fabric(stretch=1e6, shear=1e5)), name="stiff"),
+    "fine": lambda: replace(worn("walk", vertices=20_000), name="fine"),
+}
+
+
+def _times(seconds: float) -> FloatArray:
+    return np.arange(round(seconds * FPS) + 1) / FPS
+
+
+def _track(times: FloatArray, **places: FloatArray) -> BoneTrack:
+    """Bones that move without turning; positions [m] of shape (F, 3) each."""
+    unturned = np.tile([1.0, 0.0, 0.0, 0.0], (len(times), len(places), 1))
+    return BoneTrack(tuple(places), times, np.stack(list(places.values()), axis=1), unturned)
