@@ -123,15 +123,18 @@ def test_a_velocity_and_a_spin_for_each_or_for_all():
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_cape_that_diverges_stops_alone_at_its_last_good_state(threads: int):
     simulations = capes()
-    simulations[2].solver = ExplodesAfter(frame=4)
+    simulations[2].solver = solver = ExplodesAfter(frame=4)
     batch = Batch(simulations, threads=threads)
     batch.start(places(0), settle=0.0)
     for frame in range(1, 4):
         batch.step(places(frame), 1 / 60)
     assert not batch.failures
     good = batch.positions[2]
-    for frame in range(4, 9):
+    batch.step(places(4), 1 / 60)
+    tried = len(solver.stepped)
+    for frame in range(5, 9):
         batch.step(places(frame), 1 / 60)
+    assert len(solver.stepped) == tried
     assert list(batch.failures) == [2]
     assert isinstance(batch.failures[2], Diverged)
     np.testing.assert_array_equal(batch.positions[2], good)
@@ -189,10 +192,12 @@ def test_what_does_not_fit_a_batch_is_refused():
 
 
 def test_an_interrupt_leaves_nothing_at_work():
-    begun, ended = [], []
+    begun, ended, both = [], [], threading.Barrier(2)
 
     def act() -> None:
         begun.append(1)
+        if len(begun) <= 2:
+            both.wait(timeout=30.0)
         if threading.current_thread() is threading.main_thread():
             signal.raise_signal(signal.SIGINT)
         time.sleep(0.03)
