@@ -30,13 +30,13 @@ class Textbook:
         moved = sum(g @ (self.p[:, i] - self.old[:, i]) for i, g in gradients.items())
         total = sum(self.weights[i] * g @ g for i, g in gradients.items())
         change = (-c - alpha * self.multipliers.get(key, 0.0) - gamma * moved) / ((1 + gamma) * total + alpha)
-        self.multipliers[key] = self.multipliers.get(key, 0.0) + change
+        self.multipliers[key] = float(self.multipliers.get(key, 0.0) + change)
         for i, g in gradients.items():
             self.p[:, i] += self.weights[i] * g * change
 
     def stretch(self, i: int, j: int, stiffness: float, rest: float, tau: float) -> None:
         d = self.p[:, j] - self.p[:, i]
-        length = np.linalg.norm(d)
+        length = float(np.linalg.norm(d))
         if length > 0:
             self.project((i, j), length - rest, {i: -d / length, j: d / length}, stiffness, tau)
 
@@ -162,7 +162,8 @@ def test_a_grid_is_solved_in_the_order_of_its_phases(rng: np.random.Generator):
     x = np.stack([column, row, 0 * row]) + 0.3 * rng.standard_normal((3, n))
     v, weights = rng.standard_normal((3, n)), rng.uniform(1, 2, n)
     weights[:COLUMNS] = 0.0
-    stiffness, rest, families = {}, {}, []
+    stiffness, rest = {}, {}
+    families: list[Constraints] = []
     for name, (down, right) in LEANS.items():
         inside = (row + down < ROWS) & (column + right >= 0) & (column + right < COLUMNS)
         stiffness[name], rest[name] = np.where(inside, 10 ** rng.uniform(2, 5, n), 0.0), rng.uniform(0.5, 1.5, n)
@@ -174,7 +175,7 @@ def test_a_grid_is_solved_in_the_order_of_its_phases(rng: np.random.Generator):
         families.append(prepared(dealt(np.where(inside, bend, 0.0)), None, dealt(mobility), 2 * TAU, 3))
     room = np.zeros((2, HANDS, 3, PLACES * COLUMNS))
     state = State(*(p.copy() for p in (*x, *v)))
-    grid = GridConstraints(COLUMNS, dealt(weights), *room, *families)
+    grid = GridConstraints(COLUMNS, dealt(weights), room[0], room[1], *families)
     xpbd_grid.solve_grid(state, grid, 2, STEP, TAU, 2 * TAU, None)
     book = Textbook(x, v, weights)
     for _ in range(2):
