@@ -1,5 +1,7 @@
 """Implicit solvers: order, stability at any stiffness, contact and friction inside the solve, honest failure."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scenes import Run, grid_cloth, turn_about
@@ -51,7 +53,7 @@ def swung(solver, name: str, substeps: int, *, threads: int = 1, frames: int = 4
 
 @pytest.mark.parametrize("name", SMOOTH)
 def test_order_in_time_and_the_limit_that_all_solvers_share(name: str):
-    exact = {"tolerance": 1e-10, "forcing": 1e-2}
+    exact: dict[str, Any] = {"tolerance": 1e-10, "forcing": 1e-2}
     # Without damping the threads' own fast waves must be resolved as well.
     counts = (32, 64) if name == "undamped" else (8, 16)
     reference = swung(TRBDF2(**exact), name, 4 * counts[1]).positions

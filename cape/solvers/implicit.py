@@ -26,7 +26,7 @@ Array = NDArray[np.floating]
 class Matrix(NamedTuple):
     """What the matrix of a Newton step is made of, as in `kernels.stiffness`: vectors and rows of length L.
 
-    `springs` holds w and c of each spring of a grid (4 F, L), or of each link of a mesh (4 D, N) with room for what links
+    `springs` holds w and c of each spring of a grid (4 F, L), or of each link of a mesh (4 D, N) with room for what they
     keep for their other `ends` (3, D N + 1); `bends` the couplings of a vertex with the next ones and the second next
     along each family [N/m] (2 K, L), None without bends; `bend_diagonal` [N/m], `mass` [kg] and `free`, 0 for attached
     vertices, (L,); `own` blocks (6, L).
