@@ -3,6 +3,7 @@
 import itertools
 import platform
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,7 +41,9 @@ class Sheet:
         self.state = State(*(np.array(c, dtype=dtype) for c in (*self.p, *self.v)))
         self.dtype = dtype
 
-    def forces(self, cuts=(0, N), *, damping=TAU, bend_damping=BEND_TAU, bends=True) -> np.ndarray:
+    def forces(
+        self, cuts=(0, N), *, damping: float | None = TAU, bend_damping: float | None = BEND_TAU, bends: bool = True
+    ) -> np.ndarray:
         """Of springs and bend springs, in ranges between the cuts."""
         forces, room = np.full((3, N), np.nan, self.dtype), grid.grid_room(COLUMNS, N, self.dtype)
         springs = OFFSETS, self.stiffness.astype(self.dtype), self.rest.astype(self.dtype), damping
@@ -217,12 +220,12 @@ def machine_code(dtype: type, *, damping: float | None, bends: bool) -> str:
     from numba import njit, typeof
     from numba.core import types
 
-    options = {"error_model": "numpy", "_nrt": False}
+    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
     array, u64, number = typeof(np.zeros(1, dtype)), types.uint64, typeof(dtype(0))
     table = typeof(np.zeros((4, 2), dtype))
     tau = types.none if damping is None else number
     signature = (u64, u64, u64, u64, u64, array, table, table, tau, table if bends else types.none, array)
-    function = njit(**options)(grid.set_fluxes.py_func)
+    function: Any = njit(**options)(grid.set_fluxes.py_func)
     from cape.kernels.jit import _NoAliasCompiler
 
     plain = function._compiler
