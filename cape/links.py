@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth import Cloth
-from cape.kernels.mesh import SLICE
+from cape.kernels.mesh import BLOCK, ENDS, SLICE
 from cape.kernels.records import MeshAir, MeshBends, MeshSprings
 from cape.springs import Springs
 
@@ -21,7 +21,7 @@ IntArray = NDArray[np.int64]
 
 
 class Rows(NamedTuple):
-    """Where items, owned by one of their vertices, stand: `item` (L,) is at [`row`, `owner`] of `total` rows of N."""
+    """Where items, owned by one of their vertices, stand: `item` (L,) is at `row` of `total` rows, below `owner`."""
 
     item: IntArray
     row: IntArray
@@ -44,19 +44,19 @@ def mesh_springs_record(springs: Springs, vertices: int, dtype: type[np.floating
     links = _links_of(springs, vertices)
     start, incoming = _lists(links.rows, links.pairs[:, 1:], vertices)
     return MeshSprings(
-        second=_table(links.rows, links.pairs[:, 1], np.tile(np.arange(vertices), (links.rows.total, 1)), np.uint32),
-        stiffness=_table(links.rows, links.stiffness, np.zeros((links.rows.total, vertices)), dtype),
-        rest=_table(links.rows, links.rest, np.ones((links.rows.total, vertices)), dtype),
+        second=_table(links.rows, links.pairs[:, 1], np.arange(vertices), np.uint32),
+        stiffness=_table(links.rows, links.stiffness, np.zeros(vertices), dtype),
+        rest=_table(links.rows, links.rest, np.ones(vertices), dtype),
         start=start,
         incoming=incoming,
-        **_room(links.rows.total, vertices, 3, dtype),
+        **_room(links.rows.total, vertices, 1, dtype),
     )
 
 
 def mesh_bends_record(springs: Springs, vertices: int, dtype: type[np.floating]) -> MeshBends:
     """Lay out the bending of a mesh in a solver's precision, on the same links as `mesh_springs_record`."""
     links = _links_of(springs, vertices)
-    return MeshBends(_table(links.rows, links.weight, np.zeros((links.rows.total, vertices)), dtype))
+    return MeshBends(_table(links.rows, links.weight, np.zeros(vertices), dtype))
 
 
 def mesh_air_record(cloth: Cloth, wind: FloatArray, drag: float, lift: float, dtype: type[np.floating]) -> MeshAir:
@@ -67,7 +67,7 @@ def mesh_air_record(cloth: Cloth, wind: FloatArray, drag: float, lift: float, dt
     n, triangles = cloth.vertices, cloth.triangles.astype(np.int64)
     owned, rows = _share_out(triangles, n)
     start, incoming = _lists(rows, owned[:, 1:], n)
-    itself = np.tile(np.arange(n), (rows.total, 1))
+    itself = np.arange(n)
     return MeshAir(
         wind=wind,
         drag=drag,
@@ -76,17 +76,17 @@ def mesh_air_record(cloth: Cloth, wind: FloatArray, drag: float, lift: float, dt
         third=_table(rows, owned[:, 2], itself, np.uint32),
         start=start,
         incoming=incoming,
-        **_room(rows.total, n, 6, dtype),
+        **_room(rows.total, n, 2, dtype),
     )
 
 
 def _room(rows: int, vertices: int, ends: int, dtype: type[np.floating]) -> dict[str, Any]:
-    """Room of the kernels: words hold two numbers of the precision."""
-    word = np.uint64 if np.dtype(dtype) == np.float32 else np.complex128
+    """Room of the kernels: a word holds two numbers; a line of `room` so many rows of other ends, own ends and sums."""
+    word, blocks = np.uint64 if np.dtype(dtype) == np.float32 else np.complex128, -(-vertices // BLOCK)
     return {
         "words": np.zeros((3, vertices), word),
-        "ends": np.zeros((ends, vertices), word),
-        "forces": np.zeros((3, rows * vertices + 1), dtype),
+        "room": np.zeros((blocks, ends * ENDS + ENDS + ENDS // 2), word),
+        "forces": np.zeros((blocks * rows + 1) * 3 * BLOCK, dtype),
     }
 
 
@@ -164,9 +164,11 @@ def _pass_on(vertex: int, owned: list[list[int]], members: list[list[int]], most
 
 
 def _table(rows: Rows, values: NDArray[Any], blank: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
-    """Values of items (L,) in rows (D, N), over what a place without item holds."""
-    table = blank.astype(dtype)
-    table[rows.row, rows.owner] = values[rows.item]
+    """Values of items (L,) in rows by block (blocks, D, BLOCK), over what vertices without item hold (N,)."""
+    blocks = -(-len(blank) // BLOCK)
+    padded = np.pad(blank, (0, blocks * BLOCK - len(blank))).reshape(blocks, 1, BLOCK)
+    table = np.repeat(padded, rows.total, axis=1).astype(dtype)
+    table[rows.owner // BLOCK, rows.row, rows.owner % BLOCK] = values[rows.item]
     return table
 
 
@@ -175,7 +177,8 @@ def _lists(rows: Rows, others: IntArray, vertices: int) -> tuple[IntArray, NDArr
 
     Returns where each slice begins, shape (slices + 1,), and its lists, all as long as the longest of the slice.
     """
-    place = np.repeat(rows.row * vertices + rows.owner, others.shape[1])
+    place = ((rows.owner // BLOCK * rows.total + rows.row) * 3) * BLOCK + rows.owner % BLOCK
+    place = np.repeat(place, others.shape[1])
     vertex = others[rows.item].ravel()
     order = np.lexsort((place, vertex))
     place, vertex = place[order], vertex[order]
@@ -183,7 +186,7 @@ def _lists(rows: Rows, others: IntArray, vertices: int) -> tuple[IntArray, NDArr
     slices = -(-vertices // SLICE)
     width = np.pad(count, (0, slices * SLICE - vertices)).reshape(slices, SLICE).max(axis=1)
     start = np.concatenate([[0], np.cumsum(width * SLICE)])
-    incoming = np.full(start[-1], rows.total * vertices, np.uint32)
+    incoming = np.full(start[-1], -(-vertices // BLOCK) * rows.total * 3 * BLOCK, np.uint32)
     nth = np.arange(len(vertex)) - (np.cumsum(count) - count)[vertex]
     incoming[start[vertex // SLICE] + vertex % SLICE * width[vertex // SLICE] + nth] = place
     return start, incoming

@@ -7,10 +7,10 @@ i of row d: its own end needs no index, and its force is added to that end in a 
 1. `pull`: for a block of vertices, row after row, fetch the other ends into contiguous room, compute, keep the forces;
 2. `collect`: each vertex adds the forces of the links that others own, through a list of fixed order.
 
-Rows are padded with links from a vertex to itself without stiffness, and lists with the index of a zero.
-
-With damping, each coordinate is fetched with its velocity as one word, which halves the loads. Triangles in the air
-belong to one of their corners in the same way.
+What belongs to a block lies together, in the order in which it is read: the links' constants as (blocks, D, BLOCK), the
+forces as (blocks, D, 3, BLOCK). All is padded with links of vertex 0 to nobody, so that every loop over a block has the
+same length, known to the compiler, and no remainder. With damping, each coordinate is fetched with its velocity as one
+word, which halves the loads. Triangles in the air belong to one of their corners in the same way.
 """
 
 import math
@@ -21,8 +21,10 @@ from cape.kernels.grid import triangle_air_force
 from cape.kernels.jit import driver, inlined, kernel
 from cape.kernels.team import meet
 
-BLOCK = 128  # vertices whose links are computed in one go; ranks start at multiples of 64, which may cut a block
+BLOCK = 64  # vertices whose links are computed in one go; ranks start at multiples of it
 SLICE = 16  # vertices with equally long lists: longer slices have more padding, shorter ones more mispredicted loops
+ENDS = 3 * BLOCK  # words that a row of other ends fills, numbers that its forces fill
+NEXT = np.uint64(BLOCK)  # from one component of a force to the next
 
 
 @driver
@@ -44,11 +46,17 @@ def mesh_forces(lo, hi, s, springs, bends, damping, bend_damping, fx, fy, fz, te
 @driver
 def pull_all(lo, hi, s, springs, words, bends, damping, bend_damping, fx, fy, fz):
     """Pass on what `pull` needs."""
-    weight = None if bends is None else bends.weight
-    pull(
-        lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, words, springs.second, springs.stiffness, springs.rest, weight,
-        damping, bend_damping, s.x.dtype.type(1e-18), springs.ends, springs.forces, fx, fy, fz,
-    )  # fmt: skip
+    tiny = s.x.dtype.type(1e-18)
+    if bends is not None:
+        pull(
+            lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, words, springs.second, springs.stiffness, springs.rest,
+            bends.weight, damping, bend_damping, tiny, springs.room, springs.forces, fx, fy, fz,
+        )  # fmt: skip
+    else:
+        pull(
+            lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, words, springs.second, springs.stiffness, springs.rest,
+            None, damping, None, tiny, springs.room, springs.forces, fx, fy, fz,
+        )  # fmt: skip
 
 
 @driver
@@ -68,7 +76,7 @@ def push_all(lo, hi, s, air, fx, fy, fz):
     push(
         lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, air.words, air.second, air.third,
         dtype(air.wind[0]), dtype(air.wind[1]), dtype(air.wind[2]),
-        dtype(1.0 / 3.0), dtype(1.0), dtype(air.drag), dtype(air.lift), air.ends, air.forces, fx, fy, fz,
+        dtype(1.0 / 3.0), dtype(air.drag), dtype(air.lift), air.room, air.forces, fx, fy, fz,
     )  # fmt: skip
 
 
@@ -91,62 +99,81 @@ def interleave(n, p, v, packed):
 
 @kernel
 def pull(
-    lo, hi, x, y, z, vx, vy, vz, words, second, stiffness, rest, weight, damping, bend_damping, tiny, ends, forces,
+    lo, hi, x, y, z, vx, vy, vz, words, second, stiffness, rest, weight, damping, bend_damping, tiny, room, forces,
     fx, fy, fz,
 ):  # fmt: skip
     """Compute the links of vertices lo to hi: set `f` to their forces on their owners, `forces` on the other ends [N].
 
     `words` is None when nothing is damped: then no velocity is fetched.
     """
-    room = ends.view(x.dtype)
-    count = x.size
-    for start in range(lo, hi, BLOCK):
+    ends = room[lo // BLOCK]
+    own = ends.view(x.dtype)[2 * ENDS :]
+    ends_of_own = ends.view(x.dtype)
+    rows = second.shape[1]
+    for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
+        start = block * BLOCK
         n = min(BLOCK, hi - start)
-        gx, gy, gz = fx[start:], fy[start:], fz[start:]
-        for i in range(n):
-            gx[i], gy[i], gz[i] = 0, 0, 0
-        for d in range(second.shape[0]):
-            others, at = second[d, start:], d * count + start
-            sx, sy, sz = forces[0, at:], forces[1, at:], forces[2, at:]
+        take(n, x[start:], y[start:], z[start:], own)
+        if words is not None:
+            take(n, vx[start:], vy[start:], vz[start:], own[3 * BLOCK :])
+        total = own[6 * BLOCK :]
+        for i in range(3 * BLOCK):
+            total[i] = 0
+        for d in range(rows):
             if words is not None:
-                fetch(n, others, words[0], words[1], words[2], ends[0, lo:], ends[1, lo:], ends[2, lo:])
-                pull_row(
-                    n, x[start:], y[start:], z[start:], vx[start:], vy[start:], vz[start:],
-                    room[0, 2 * lo:], room[1, 2 * lo:], room[2, 2 * lo:], stiffness[d, start:], rest[d, start:],
-                    row(weight, d, start), damping, bend_damping, tiny, sx, sy, sz, gx, gy, gz,
-                )  # fmt: skip
+                fetch(second[block, d], words[0], words[1], words[2], ends)
+                if weight is not None:
+                    pull_row(
+                        ends_of_own, own, stiffness[block, d], rest[block, d], weight[block, d], damping, bend_damping,
+                        tiny, forces[(block * rows + d) * ENDS :], total,
+                    )  # fmt: skip
+                else:
+                    pull_row(
+                        ends_of_own, own, stiffness[block, d], rest[block, d], None, damping, None,
+                        tiny, forces[(block * rows + d) * ENDS :], total,
+                    )  # fmt: skip
             else:
-                fetch(n, others, x, y, z, room[0, 2 * lo :], room[1, 2 * lo :], room[2, 2 * lo :])
-                pull_still_row(
-                    n, x[start:], y[start:], z[start:], room[0, 2 * lo:], room[1, 2 * lo:], room[2, 2 * lo:],
-                    stiffness[d, start:], rest[d, start:], row(weight, d, start), tiny, sx, sy, sz, gx, gy, gz,
-                )  # fmt: skip
+                fetch(second[block, d], x, y, z, ends_of_own)
+                if weight is not None:
+                    pull_still_row(
+                        ends_of_own, own, stiffness[block, d], rest[block, d], weight[block, d],
+                        tiny, forces[(block * rows + d) * ENDS :], total,
+                    )  # fmt: skip
+                else:
+                    pull_still_row(
+                        ends_of_own, own, stiffness[block, d], rest[block, d], None,
+                        tiny, forces[(block * rows + d) * ENDS :], total,
+                    )  # fmt: skip
+        for i in range(n):
+            fx[start + i], fy[start + i], fz[start + i] = total[i], total[BLOCK + i], total[2 * BLOCK + i]
 
 
 @inlined
-def row(table, d, start):
-    """Row d of a table from `start` on, None of None."""
-    if table is None:
-        return None
-    return table[d, start:]
-
-
-@inlined
-def fetch(n, others, a, b, c, to_a, to_b, to_c):
-    """Copy the entries of three arrays with the given indices."""
-    for k in range(n):
-        j = others[k]
-        to_a[k], to_b[k], to_c[k] = a[j], b[j], c[j]
-
-
-@inlined
-def pull_row(
-    n, x, y, z, vx, vy, vz, ex, ey, ez, stiffness, rest, weight, damping, bend_damping, tiny, sx, sy, sz, fx, fy, fz
-):
-    """One row of links: `e` holds the other ends' coordinates and velocities in turns."""
+def take(n, a, b, c, to):
+    """Copy n entries of three arrays behind one another, BLOCK apart."""
     for i in range(n):
-        dx, dy, dz = ex[2 * i] - x[i], ey[2 * i] - y[i], ez[2 * i] - z[i]
-        ux, uy, uz = ex[2 * i + 1] - vx[i], ey[2 * i + 1] - vy[i], ez[2 * i + 1] - vz[i]
+        to[i], to[BLOCK + i], to[2 * BLOCK + i] = a[i], b[i], c[i]
+
+
+@inlined
+def fetch(others, a, b, c, to):
+    """Copy the entries of three arrays with the BLOCK given indices behind one another."""
+    for k in range(BLOCK):
+        j = others[k]
+        to[k], to[BLOCK + k], to[2 * BLOCK + k] = a[j], b[j], c[j]
+
+
+@inlined
+def pull_row(ends, own, stiffness, rest, weight, damping, bend_damping, tiny, forces, total):
+    """One row of links: `ends` holds the other ends' coordinates and velocities in turns."""
+    for i in range(BLOCK):
+        x, y, z = 2 * i, 2 * (BLOCK + i), 2 * (2 * BLOCK + i)
+        dx, dy, dz = ends[x] - own[i], ends[y] - own[BLOCK + i], ends[z] - own[2 * BLOCK + i]
+        ux, uy, uz = (
+            ends[x + 1] - own[3 * BLOCK + i],
+            ends[y + 1] - own[4 * BLOCK + i],
+            ends[z + 1] - own[5 * BLOCK + i],
+        )
         squared = dx * dx + dy * dy + dz * dz + tiny
         stretched = squared - rest[i] * math.sqrt(squared)
         if damping is not None:
@@ -158,73 +185,85 @@ def pull_row(
         if weight is not None and bend_damping is not None:
             braked = weight[i] * bend_damping
             px, py, pz = px + braked * ux, py + braked * uy, pz + braked * uz
-        fx[i], fy[i], fz[i] = fx[i] + px, fy[i] + py, fz[i] + pz
-        sx[i], sy[i], sz[i] = -px, -py, -pz
+        total[i] += px
+        total[BLOCK + i] += py
+        total[2 * BLOCK + i] += pz
+        forces[i], forces[BLOCK + i], forces[2 * BLOCK + i] = -px, -py, -pz
 
 
 @inlined
-def pull_still_row(n, x, y, z, ex, ey, ez, stiffness, rest, weight, tiny, sx, sy, sz, fx, fy, fz):
-    """One row of links without damping: `e` holds the other ends' coordinates."""
-    for i in range(n):
-        dx, dy, dz = ex[i] - x[i], ey[i] - y[i], ez[i] - z[i]
+def pull_still_row(ends, own, stiffness, rest, weight, tiny, forces, total):
+    """One row of links without damping: `ends` holds the other ends' coordinates."""
+    for i in range(BLOCK):
+        dx, dy, dz = ends[i] - own[i], ends[BLOCK + i] - own[BLOCK + i], ends[2 * BLOCK + i] - own[2 * BLOCK + i]
         squared = dx * dx + dy * dy + dz * dz + tiny
         along = stiffness[i] * (squared - rest[i] * math.sqrt(squared)) / squared
         if weight is not None:
             along += weight[i]
         px, py, pz = along * dx, along * dy, along * dz
-        fx[i], fy[i], fz[i] = fx[i] + px, fy[i] + py, fz[i] + pz
-        sx[i], sy[i], sz[i] = -px, -py, -pz
+        total[i] += px
+        total[BLOCK + i] += py
+        total[2 * BLOCK + i] += pz
+        forces[i], forces[BLOCK + i], forces[2 * BLOCK + i] = -px, -py, -pz
 
 
 @kernel
 def push(
-    lo, hi, x, y, z, vx, vy, vz, words, second, third, wind_x, wind_y, wind_z, share, present, drag, lift, ends, forces,
+    lo, hi, x, y, z, vx, vy, vz, words, second, third, wind_x, wind_y, wind_z, share, drag, lift, room, forces,
     fx, fy, fz,
 ):  # fmt: skip
     """Add a third of the air's force on the triangles of vertices lo to hi to their owners, keep it for other corners.
 
-    `present` (1), `drag` and `lift` as in `grid.triangle_air_force`; `share` is 1/3.
+    `drag` and `lift` as in `grid.triangle_air_force`; `share` is 1/3.
     """
-    room = ends.view(x.dtype)
-    count = x.size
-    for start in range(lo, hi, BLOCK):
+    ends = room[lo // BLOCK]
+    corners = ends.view(x.dtype)
+    own, others = corners[4 * ENDS :], ends[ENDS:]
+    rows = second.shape[1]
+    for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
+        start = block * BLOCK
         n = min(BLOCK, hi - start)
-        for d in range(second.shape[0]):
-            at = d * count + start
-            fetch(n, second[d, start:], words[0], words[1], words[2], ends[0, lo:], ends[1, lo:], ends[2, lo:])
-            fetch(n, third[d, start:], words[0], words[1], words[2], ends[3, lo:], ends[4, lo:], ends[5, lo:])
+        take(n, x[start:], y[start:], z[start:], own)
+        take(n, vx[start:], vy[start:], vz[start:], own[3 * BLOCK :])
+        total = own[6 * BLOCK :]
+        for i in range(3 * BLOCK):
+            total[i] = 0
+        for d in range(rows):
+            fetch(second[block, d], words[0], words[1], words[2], ends)
+            fetch(third[block, d], words[0], words[1], words[2], others)
             push_row(
-                n, x[start:], y[start:], z[start:], vx[start:], vy[start:], vz[start:],
-                room[0, 2 * lo:], room[1, 2 * lo:], room[2, 2 * lo:],
-                room[3, 2 * lo:], room[4, 2 * lo:], room[5, 2 * lo:],
-                wind_x, wind_y, wind_z, share, present, drag, lift,
-                forces[0, at:], forces[1, at:], forces[2, at:], fx[start:], fy[start:], fz[start:],
+                corners, corners[2 * ENDS :], own, wind_x, wind_y, wind_z, share, drag, lift,
+                forces[(block * rows + d) * ENDS :], total,
             )  # fmt: skip
+        for i in range(n):
+            fx[start + i] += total[i]
+            fy[start + i] += total[BLOCK + i]
+            fz[start + i] += total[2 * BLOCK + i]
 
 
 @inlined
-def push_row(
-    n, x, y, z, vx, vy, vz, ax, ay, az, bx, by, bz, wind_x, wind_y, wind_z, share, present, drag, lift,
-    sx, sy, sz, fx, fy, fz,
-):  # fmt: skip
+def push_row(a, b, own, wind_x, wind_y, wind_z, share, drag, lift, forces, total):
     """One row of triangles: `a` and `b` hold the other corners' coordinates and velocities in turns."""
-    for i in range(n):
+    for i in range(BLOCK):
+        x, y, z = 2 * i, 2 * (BLOCK + i), 2 * (2 * BLOCK + i)
         px, py, pz = triangle_air_force(
-            ax[2 * i] - x[i],
-            ay[2 * i] - y[i],
-            az[2 * i] - z[i],
-            bx[2 * i] - x[i],
-            by[2 * i] - y[i],
-            bz[2 * i] - z[i],
-            wind_x - share * (vx[i] + ax[2 * i + 1] + bx[2 * i + 1]),
-            wind_y - share * (vy[i] + ay[2 * i + 1] + by[2 * i + 1]),
-            wind_z - share * (vz[i] + az[2 * i + 1] + bz[2 * i + 1]),
-            present,
+            a[x] - own[i],
+            a[y] - own[BLOCK + i],
+            a[z] - own[2 * BLOCK + i],
+            b[x] - own[i],
+            b[y] - own[BLOCK + i],
+            b[z] - own[2 * BLOCK + i],
+            wind_x - share * (own[3 * BLOCK + i] + a[x + 1] + b[x + 1]),
+            wind_y - share * (own[4 * BLOCK + i] + a[y + 1] + b[y + 1]),
+            wind_z - share * (own[5 * BLOCK + i] + a[z + 1] + b[z + 1]),
+            type(share)(1.0),
             drag,
             lift,
         )
-        fx[i], fy[i], fz[i] = fx[i] + px, fy[i] + py, fz[i] + pz
-        sx[i], sy[i], sz[i] = px, py, pz
+        total[i] += px
+        total[BLOCK + i] += py
+        total[2 * BLOCK + i] += pz
+        forces[i], forces[BLOCK + i], forces[2 * BLOCK + i] = px, py, pz
 
 
 @kernel
@@ -233,7 +272,6 @@ def collect(lo, hi, start, incoming, forces, fx, fy, fz):
 
     `start` (slices + 1,) says where in `incoming` the lists of the vertices of a slice begin.
     """
-    sx, sy, sz = forces[0], forces[1], forces[2]
     for piece in range((lo + SLICE - 1) // SLICE, (hi + SLICE - 1) // SLICE):
         first = piece * SLICE
         width = np.uint64((start[piece + 1] - start[piece]) // SLICE)
@@ -243,7 +281,7 @@ def collect(lo, hi, start, incoming, forces, fx, fy, fz):
         for i in range(min(SLICE, hi - first)):
             ax, ay, az = gx[i], gy[i], gz[i]
             for _ in range(width):
-                e = lists[k]
+                e = np.uint64(lists[k])
                 k += np.uint64(1)
-                ax, ay, az = ax + sx[e], ay + sy[e], az + sz[e]
+                ax, ay, az = ax + forces[e], ay + forces[e + NEXT], az + forces[e + NEXT + NEXT]
             gx[i], gy[i], gz[i] = ax, ay, az
