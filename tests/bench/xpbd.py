@@ -53,15 +53,15 @@ def scalar_bend(vertices, coefficients, compliance, weight, damping, step, p, o)
     """Bend springs along one coordinate, one after the other."""
     for k in range(compliance.size):
         bend = moved = total = weight[0] * 0
-        for a in range(vertices.shape[1]):
-            i, c = vertices[k, a], coefficients[k, a]
+        for a in range(len(vertices)):
+            i, c = vertices[a][k], coefficients[a][k]
             bend += c * p[i]
             moved += c * (p[i] - o[i])
             total += c * c * weight[i]
         alpha, gamma = compliance[k] / (step * step), damping / step
         change = -(bend + gamma * moved) / ((1 + gamma) * total + alpha)
-        for a in range(vertices.shape[1]):
-            p[vertices[k, a]] += weight[vertices[k, a]] * coefficients[k, a] * change
+        for a in range(len(vertices)):
+            p[vertices[a][k]] += weight[vertices[a][k]] * coefficients[a][k] * change
 
 
 @kernel
@@ -97,6 +97,11 @@ def scalar_frame(substeps, step, fall, springs, bends, weight, damping, bend_dam
         scalar_end(1 / step, x, y, z, vx, vy, vz, ox, oy, oz)
 
 
+def crumpled(cloth: Cloth) -> np.ndarray:
+    """Positions of a cloth in motion [m], (3, N): numbers that decay to nothing would be slow ones."""
+    return (cloth.positions + np.random.default_rng(0).normal(0.0, 1e-3, cloth.positions.shape)).T
+
+
 def scalar(cloth: Cloth, springs: Springs, inverse_mass: np.ndarray, dtype: type[np.floating]) -> Callable[[], None]:
     """A frame of the scalar loop."""
     given = (
@@ -104,12 +109,16 @@ def scalar(cloth: Cloth, springs: Springs, inverse_mass: np.ndarray, dtype: type
         dtype(FRAME / SUBSTEPS),
         dtype(-9.81 * FRAME / SUBSTEPS),
         (springs.first, springs.second, springs.rest.astype(dtype), (1 / springs.stiffness).astype(dtype)),
-        (springs.bend_vertices, springs.bend_coefficients.astype(dtype), (1 / springs.bend_stiffness).astype(dtype)),
+        (
+            tuple(np.ascontiguousarray(v) for v in springs.bend_vertices.T),
+            tuple(np.array(c, dtype=dtype) for c in springs.bend_coefficients.T),
+            (1 / springs.bend_stiffness).astype(dtype),
+        ),
         inverse_mass.astype(dtype),
         dtype(cloth.fabric.damping_time),
         dtype(cloth.fabric.bend_damping_time),
     )
-    arrays = [np.array(p, dtype=dtype) for p in (*cloth.positions.T, *np.zeros((6, cloth.vertices)))]
+    arrays = [np.array(p, dtype=dtype) for p in (*crumpled(cloth), *np.zeros((6, cloth.vertices)))]
     return lambda: scalar_frame(*given, *arrays)
 
 
@@ -118,7 +127,7 @@ def solver(scene: Scene, held: list[int], dtype: type[np.floating], threads: int
     description = XPBD(precision="single" if dtype is np.float32 else "double", iterations=sweeps)
     assembly = assemble(scene, [np.array(held)], threads=threads)
     room = description.init(assembly)
-    start = (*assembly.cloth.positions.T, *np.zeros((3, len(assembly.mass))))
+    start = (*crumpled(assembly.cloth), *np.zeros((3, len(assembly.mass))))
     state = State(*(np.array(component, dtype=dtype) for component in start))
     attached = assembly.attached
     assert attached is not None
