@@ -1,27 +1,41 @@
 """Products with the stiffness of a mesh, link by link as in `kernels.mesh`; see `kernels.stiffness` for the matrix.
 
 Each link holds w and c of its spring, with bending added to c: the matrix of all bends is one of differences along
-links, some of them of negative weight. `coefficients` has the rows wx, wy, wz, c of each of D rows of links, (4 D, N);
-`ends` (3, D N + 1) is room for what each link keeps for its other end.
+links, some of them of negative weight. `coefficients` has the rows wx, wy, wz, c of each row of links, (blocks, D, 4,
+BLOCK); `ends` is room for what each link keeps for its other end, laid out as the forces there.
 """
 
 from cape.kernels.jit import driver, inlined, kernel
 from cape.kernels.linearise import linearised
-from cape.kernels.mesh import collect
+from cape.kernels.mesh import BLOCK, ENDS, collect
 from cape.kernels.team import meet
 
 
 @kernel
 def linearise_links(
-    count, x, y, z, all_x, all_y, all_z, others, stiffness, rest, weight, stretched, bend_scale, tiny, wx, wy, wz, c
-):
-    """Fill w and c of one row of links; their owners are x, y, z, their other ends are found in all vertices."""
-    for i in range(count):
-        j = others[i]
-        wx[i], wy[i], wz[i], spring = linearised(
-            all_x[j] - x[i], all_y[j] - y[i], all_z[j] - z[i], stiffness[i], rest[i], stretched, tiny
-        )
-        c[i] = spring + bend_of(weight, i, bend_scale)
+    lo, hi, x, y, z, second, stiffness, rest, weight, stretched, bend_scale, tiny, coefficients
+):  # fmt: skip
+    """Fill w and c of the links that vertices lo to hi own."""
+    for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
+        start = block * BLOCK
+        own_x, own_y, own_z = x[start:], y[start:], z[start:]
+        for d in range(second.shape[1]):
+            others, k, rests, bends = second[block, d], stiffness[block, d], rest[block, d], row(weight, block, d)
+            w = coefficients[block, d]
+            for i in range(min(BLOCK, hi - start)):
+                j = others[i]
+                w[0, i], w[1, i], w[2, i], spring = linearised(
+                    x[j] - own_x[i], y[j] - own_y[i], z[j] - own_z[i], k[i], rests[i], stretched, tiny
+                )
+                w[3, i] = spring + bend_of(bends, i, bend_scale)
+
+
+@inlined
+def row(table, block, d):
+    """Row d of a block, None of None."""
+    if table is None:
+        return None
+    return table[block, d]
 
 
 @inlined
@@ -33,91 +47,100 @@ def bend_of(weight, i, scale):
 
 
 @kernel
-def multiply_links(others, wx, wy, wz, c, px, py, pz, all_px, all_py, all_pz, ex, ey, ez, qx, qy, qz):
-    """Add one row of links times p to q at their owners, and keep the opposite for their other ends."""
-    for i in range(qx.size):
-        j = others[i]
-        dx, dy, dz = px[i] - all_px[j], py[i] - all_py[j], pz[i] - all_pz[j]
-        along = wx[i] * dx + wy[i] * dy + wz[i] * dz
-        sx, sy, sz = along * wx[i] + c[i] * dx, along * wy[i] + c[i] * dy, along * wz[i] + c[i] * dz
-        ex[i], ey[i], ez[i] = -sx, -sy, -sz
-        qx[i] += sx
-        qy[i] += sy
-        qz[i] += sz
+def multiply_links(lo, hi, second, coefficients, px, py, pz, ends, qx, qy, qz):
+    """Add the links of vertices lo to hi times p to q at their owners, keep the opposite for their other ends."""
+    rows = second.shape[1]
+    for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
+        start = block * BLOCK
+        ox, oy, oz = px[start:], py[start:], pz[start:]
+        sx, sy, sz = qx[start:], qy[start:], qz[start:]
+        for d in range(rows):
+            others, w, kept = second[block, d], coefficients[block, d], ends[(block * rows + d) * ENDS :]
+            for i in range(BLOCK):
+                j = others[i]
+                dx, dy, dz = ox[i] - px[j], oy[i] - py[j], oz[i] - pz[j]
+                along = w[0, i] * dx + w[1, i] * dy + w[2, i] * dz
+                fx = along * w[0, i] + w[3, i] * dx
+                fy = along * w[1, i] + w[3, i] * dy
+                fz = along * w[2, i] + w[3, i] * dz
+                kept[i], kept[BLOCK + i], kept[2 * BLOCK + i] = -fx, -fy, -fz
+                sx[i] += fx
+                sy[i] += fy
+                sz[i] += fz
 
 
 @kernel
-def keep_diagonals(wx, wy, wz, c, ex, ey, ez, xx, yy, zz):
-    """Add the diagonals of the blocks of one row of links to their owners, and keep them for the other ends."""
-    for i in range(xx.size):
-        ex[i], ey[i], ez[i] = wx[i] * wx[i] + c[i], wy[i] * wy[i] + c[i], wz[i] * wz[i] + c[i]
-        xx[i] += ex[i]
-        yy[i] += ey[i]
-        zz[i] += ez[i]
+def keep_diagonals(lo, hi, coefficients, ends, xx, yy, zz):
+    """Add the diagonals of the blocks of the links of vertices lo to hi there, and keep them for the other ends."""
+    rows = coefficients.shape[1]
+    for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
+        start = block * BLOCK
+        ax, ay, az = xx[start:], yy[start:], zz[start:]
+        for d in range(rows):
+            w, kept = coefficients[block, d], ends[(block * rows + d) * ENDS :]
+            for i in range(BLOCK):
+                x, y, z = w[0, i] * w[0, i] + w[3, i], w[1, i] * w[1, i] + w[3, i], w[2, i] * w[2, i] + w[3, i]
+                kept[i], kept[BLOCK + i], kept[2 * BLOCK + i] = x, y, z
+                ax[i] += x
+                ay[i] += y
+                az[i] += z
 
 
 @kernel
-def keep_mixed(wx, wy, wz, ex, ey, ez, xy, xz, yz):
+def keep_mixed(lo, hi, coefficients, ends, xy, xz, yz):
     """The same for the entries beside the diagonal, which c does not touch."""
-    for i in range(xy.size):
-        ex[i], ey[i], ez[i] = wx[i] * wy[i], wx[i] * wz[i], wy[i] * wz[i]
-        xy[i] += ex[i]
-        xz[i] += ey[i]
-        yz[i] += ez[i]
+    rows = coefficients.shape[1]
+    for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
+        start = block * BLOCK
+        ax, ay, az = xy[start:], xz[start:], yz[start:]
+        for d in range(rows):
+            w, kept = coefficients[block, d], ends[(block * rows + d) * ENDS :]
+            for i in range(BLOCK):
+                x, y, z = w[0, i] * w[1, i], w[0, i] * w[2, i], w[1, i] * w[2, i]
+                kept[i], kept[BLOCK + i], kept[2 * BLOCK + i] = x, y, z
+                ax[i] += x
+                ay[i] += y
+                az[i] += z
+
+
+@driver
+def gather(lo, hi, links, ends, a, b, c):
+    """Add to each vertex lo to hi what the links of others keep for it."""
+    collect(lo, hi, links.sorted_vertices, links.start, links.incoming, ends, a, b, c)
 
 
 @driver
 def linearise_mesh(lo, hi, s, links, bends, stretched, bend_scale, coefficients):
     """Fill w and c of the links that vertices lo to hi own."""
-    for d in range(links.second.shape[0]):
-        w = coefficients[4 * d : 4 * d + 4]
+    tiny = s.x.dtype.type(1e-18)
+    if bends is not None:
         linearise_links(
-            hi - lo, s.x[lo:], s.y[lo:], s.z[lo:], s.x, s.y, s.z, links.second[d, lo:],
-            links.stiffness[d, lo:], links.rest[d, lo:], _row(bends, d, lo), stretched, bend_scale,
-            s.x.dtype.type(1e-18), w[0, lo:hi], w[1, lo:hi], w[2, lo:hi], w[3, lo:hi],
+            lo, hi, s.x, s.y, s.z, links.second, links.stiffness, links.rest, bends.weight, stretched, bend_scale,
+            tiny, coefficients,
         )  # fmt: skip
-
-
-@inlined
-def _row(bends, d, lo):
-    if bends is None:
-        return None
-    return bends.weight[d, lo:]
+    else:
+        linearise_links(
+            lo, hi, s.x, s.y, s.z, links.second, links.stiffness, links.rest, None, stretched, bend_scale,
+            tiny, coefficients,
+        )  # fmt: skip
 
 
 @driver
 def add_mesh_product(lo, hi, links, coefficients, ends, p, q, team):
     """Add the product of a mesh's links with p to q on the vertices lo to hi."""
-    count = links.second.shape[1]
-    for d in range(links.second.shape[0]):
-        w, at = coefficients[4 * d : 4 * d + 4], d * count + lo
-        multiply_links(
-            links.second[d, lo:], w[0, lo:], w[1, lo:], w[2, lo:], w[3, lo:], p[0, lo:], p[1, lo:], p[2, lo:],
-            p[0], p[1], p[2], ends[0, at:], ends[1, at:], ends[2, at:], q[0, lo:hi], q[1, lo:hi], q[2, lo:hi],
-        )  # fmt: skip
+    multiply_links(lo, hi, links.second, coefficients, p[0], p[1], p[2], ends, q[0], q[1], q[2])
     meet(team)
-    collect(lo, hi, links.start, links.incoming, ends, q[0], q[1], q[2])
+    gather(lo, hi, links, ends, q[0], q[1], q[2])
 
 
 @driver
 def add_mesh_blocks(lo, hi, links, coefficients, ends, blocks, team):
     """Add a mesh's links to the blocks of the vertices lo to hi."""
-    count = links.second.shape[1]
-    for d in range(links.second.shape[0]):
-        w, at = coefficients[4 * d : 4 * d + 4], d * count + lo
-        keep_diagonals(
-            w[0, lo:], w[1, lo:], w[2, lo:], w[3, lo:],
-            ends[0, at:], ends[1, at:], ends[2, at:], blocks[0, lo:hi], blocks[1, lo:hi], blocks[2, lo:hi],
-        )  # fmt: skip
+    keep_diagonals(lo, hi, coefficients, ends, blocks[0], blocks[1], blocks[2])
     meet(team)
-    collect(lo, hi, links.start, links.incoming, ends, blocks[0], blocks[1], blocks[2])
+    gather(lo, hi, links, ends, blocks[0], blocks[1], blocks[2])
     meet(team)
-    for d in range(links.second.shape[0]):
-        w, at = coefficients[4 * d : 4 * d + 4], d * count + lo
-        keep_mixed(
-            w[0, lo:], w[1, lo:], w[2, lo:], ends[0, at:], ends[1, at:], ends[2, at:],
-            blocks[3, lo:hi], blocks[4, lo:hi], blocks[5, lo:hi],
-        )  # fmt: skip
+    keep_mixed(lo, hi, coefficients, ends, blocks[3], blocks[4], blocks[5])
     meet(team)
-    collect(lo, hi, links.start, links.incoming, ends, blocks[3], blocks[4], blocks[5])
+    gather(lo, hi, links, ends, blocks[3], blocks[4], blocks[5])
     meet(team)

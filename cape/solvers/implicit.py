@@ -26,10 +26,9 @@ Array = NDArray[np.floating]
 class Matrix(NamedTuple):
     """What the matrix of a Newton step is made of, as in `kernels.stiffness`: vectors and rows of length L.
 
-    `springs` holds w and c of each spring of a grid (4 F, L), or of each link of a mesh (4 D, N) with room for what they
-    keep for their other `ends` (3, D N + 1); `bends` the couplings of a vertex with the next ones and the second next
-    along each family [N/m] (2 K, L), None without bends; `bend_diagonal` [N/m], `mass` [kg] and `free`, 0 for attached
-    vertices, (L,); `own` blocks (6, L).
+    `springs` holds w and c of each spring of a grid (4 F, L), or as in `kernels.mesh_stiffness`, which needs `ends`;
+    `bends` the couplings of a vertex with the next ones and the second next along each family [N/m] (2 K, L), None
+    without bends; `bend_diagonal` [N/m], `mass` [kg] and `free`, 0 for attached vertices, (L,); `own` blocks (6, L).
     """
 
     front: int
@@ -280,9 +279,9 @@ def matrix_of(assembly: Assembly, model: ForceModel, dtype: type[np.floating]) -
     bends, ends, families = None, None, springs.families
     coefficients = np.zeros((16, size), dtype)
     if model.mesh is not None:
-        links = model.mesh.second.shape[0]
-        coefficients = np.zeros((4 * links, count), dtype)
-        ends = np.zeros((3, links * count + 1), dtype)
+        blocks, links, lanes = model.mesh.second.shape
+        coefficients = np.zeros((blocks, links, 4, lanes), dtype)
+        ends = np.zeros(model.mesh.forces.shape, dtype)
     if families is not None and model.grid_bends is not None:
         rows = []
         np.add.at(diagonal, springs.bend_vertices, springs.bend_stiffness[:, None] * springs.bend_coefficients**2)
