@@ -1,6 +1,7 @@
 """Cloth on moving bones: `Cloth`, `attach`, `Scene`, `simulate`, and `Simulation` for one's own loop."""
 
 from cape.attach import Attachment, attach
+from cape.batch import Batch
 from cape.cloth import Cloth, GridCloth, MeshCloth
 from cape.colliders import Box, Collider, Plane, Sphere
 from cape.dress import dress
@@ -22,6 +23,7 @@ __all__ = [
     "XPBD",
     "Attachment",
     "BackwardEuler",
+    "Batch",
     "Box",
     "Capsule",
     "Cloth",

@@ -12,7 +12,7 @@ from cape.cloth import Cloth, GridCloth, MeshCloth
 from cape.colliders import Box, Collider, Plane, Sphere
 from cape.kernels.bones import blank_motion
 from cape.kernels.contact import BLOCK
-from cape.kernels.grid import grid_room
+from cape.kernels.grid import MOST_COLUMNS, grid_room
 from cape.kernels.records import (
     Attached,
     Boxes,
@@ -29,6 +29,7 @@ from cape.kernels.records import (
 from cape.scene import Scene
 from cape.springs import Springs, springs_of
 from motions import quaternions
+from motions.errors import ValueRangeError
 from skeleton.capsules import Capsule
 
 FloatArray = NDArray[np.float64]
@@ -135,6 +136,8 @@ def force_model(assembly: Assembly, dtype: type[np.floating]) -> ForceModel:
     parts["bend_damping"] = (fabric.bend_damping_time or None) if has_bends else None
     air = () if wind is None else (assembly.wind, wind.density * wind.drag / 12.0, wind.density * wind.lift / 12.0)
     if isinstance(cloth, GridCloth):
+        if not 2 <= cloth.columns <= MOST_COLUMNS:
+            raise ValueRangeError(f"a grid of cloth has 2 to {MOST_COLUMNS} columns, not {cloth.columns}")
         families = springs.families
         if families is None:
             raise TypeError("the springs of a grid come by family")

@@ -11,7 +11,7 @@ FloatArray = NDArray[np.float64]
 # Cells are a little wider than high on average, so that they are not much narrower at the neckline, where the
 # narrowest ones set the largest stable step.
 WIDER_CELLS = 1.12
-MOST_CELLS = 4000  # along one side; 16 million vertices are more than any machine steps
+MOST_CELLS = 2700  # along one side; 7 million vertices are more than any machine steps
 SLACK = 1.1  # length of the neckline over that of the way it is worn: room for the shoulders to move
 
 

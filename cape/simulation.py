@@ -1,6 +1,8 @@
 """A cloth that is being simulated: put on, settled, and stepped along with its bones."""
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -9,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cape import team, wear
 from cape.assemble import Assembly, assemble
+from cape.kernels.measure import whereabouts
 from cape.kernels.records import Motion, State
 from cape.measure import Meter, Reading
 from cape.poses import Bones, read_pose
@@ -127,12 +130,17 @@ class Simulation:
         self._assembly = assemble(self.scene, held, threads=self.threads)
         self._room = self.solver.init(self._assembly)
         self._state = _at_rest(self._assembly.inwards(positions), self.solver.dtype(self._assembly))
-        worn, spread = wear.hold_points(self._assembly, self._pose, held, positions)
-        put_on = not np.array_equal(worn, spread)
-        if settle is None:
-            settle = SETTLING_TIME if put_on else 0.0
-        self._settle(settle, spread, worn, np.asarray(velocity, dtype=float))
-        self._set_out(np.asarray(velocity, dtype=float), np.asarray(spin, dtype=float))
+        try:
+            worn, spread = wear.hold_points(self._assembly, self._pose, held, positions)
+            put_on = not np.array_equal(worn, spread)
+            if settle is None:
+                settle = SETTLING_TIME if put_on else 0.0
+            self._settle(settle, spread, worn, np.asarray(velocity, dtype=float))
+            self._set_out(np.asarray(velocity, dtype=float), np.asarray(spin, dtype=float))
+        except BaseException:
+            self._assembly = None
+            raise
+        self._sound()
 
     def compile(self, bones: Bones) -> None:
         """Compile, or load from the cache, all that the scene needs; `start` would, this call only moves the time."""
@@ -157,11 +165,17 @@ class Simulation:
         self._recenter()
         pose = read_pose(bones, self.bones).moved(-self._origin)
         motion = Motion(self._pose.positions, self._pose.rotations_wxyz, pose.positions, pose.rotations_wxyz)
-        before = [component.copy() for component in self._state]
         self.substeps = self.solver.choose_substeps(self._room, dt)
+        with self._taken_back() as before:
+            self._try(motion, dt, before)
+        self._pose = pose
+
+    def _try(self, motion: Motion, dt: float, before: list[NDArray[np.floating]]) -> None:
+        """Take a step at half the size for as long as it explodes or, twice, does not converge."""
         substeps = self.substeps
         for attempt in range(RETRIES + 1):
             if attempt > 0:
+                self._restore(before)
                 # A count between what explodes and what is stable may grow slowly enough to pass for sound.
                 own_choice = replace(self.solver, substeps=None).choose_substeps(self._room, dt)
                 substeps = max(2 * substeps, own_choice)
@@ -169,10 +183,7 @@ class Simulation:
             if self._sound() and (unconverged == 0 or attempt == CONVERGENCE_RETRIES):
                 self.retried += attempt > 0
                 self.unconverged += unconverged > 0
-                self._pose = pose
                 return
-            for component, kept in zip(self._state, before, strict=True):
-                component[:] = kept
         raise Diverged(
             f"the cloth explodes even at {substeps} substeps per frame: "
             "use a softer or heavier fabric, a wider spacing, or the solver xpbd"
@@ -187,14 +198,13 @@ class Simulation:
         self._require_started()
         substeps = self.solver.choose_substeps(self._room, dt)
         tried = min(substeps, FORECAST_SUBSTEPS)
-        before = [component.copy() for component in self._state]
         seconds = []
-        for _ in range(2):
-            begun = time.perf_counter()
-            self._advance(Motion(*self._pose, *self._pose), dt * tried / substeps, tried)
-            seconds.append((time.perf_counter() - begun) * substeps / tried)
-            for component, kept in zip(self._state, before, strict=True):
-                component[:] = kept
+        with self._taken_back() as before:
+            for _ in range(2):
+                begun = time.perf_counter()
+                self._advance(Motion(*self._pose, *self._pose), dt * tried / substeps, tried)
+                seconds.append((time.perf_counter() - begun) * substeps / tried)
+                self._restore(before)
         return Forecast(substeps, min(seconds))
 
     def meter(self) -> Meter:
@@ -217,16 +227,16 @@ class Simulation:
         motion = Motion(*pose, *pose)
         substeps = self.solver.choose_substeps(self._room, SETTLING_FRAME)
         for frame in range(1, round(duration / SETTLING_FRAME) + 1):
-            time = frame * SETTLING_FRAME
+            now = frame * SETTLING_FRAME
             if attached is not None:
-                share = min(time / PUT_ON_TIME, 1.0)
+                share = min(now / PUT_ON_TIME, 1.0)
                 share = share * share * (3.0 - 2.0 * share)
                 attached.points[:] = spread + share * (worn - spread)
             self._advance(motion, SETTLING_FRAME, substeps)
             for component in self._state[3:]:
                 component *= SETTLING_DAMPING
             speed = np.sqrt(sum(float(np.mean(np.square(c, dtype=float))) for c in self._state[3:]))
-            if time > 1.5 * PUT_ON_TIME and speed < SETTLED_SPEED:
+            if now > 1.5 * PUT_ON_TIME and speed < SETTLED_SPEED:
                 break
         if attached is not None:
             attached.points[:] = worn
@@ -249,19 +259,34 @@ class Simulation:
 
     def _recenter(self) -> None:
         """Keep the cloth near the origin that its positions refer to: far from it single precision is coarse."""
-        center = np.array([float(c.mean(dtype=float)) for c in self._state[:3]])
-        if np.abs(center).max() < FARTHEST:
+        if np.abs(self._center).max() < FARTHEST:
             return
-        shift = np.round(center).astype(float)
+        shift = np.round(self._center)
         for component, moved in zip(self._state[:3], shift, strict=True):
             component -= component.dtype.type(moved)
         self._origin = self._origin + shift
         self._pose = self._pose.moved(-shift)
 
     def _sound(self) -> bool:
-        """Tell whether no vertex is farther or faster than anything real; what is not a number is neither."""
-        limits = 3 * (FARTHEST_LEAP,) + 3 * (FASTEST,)
-        return all(float(np.abs(c).max()) < limit for c, limit in zip(self._state, limits, strict=True))
+        """Tell whether no vertex is farther or faster than anything real."""
+        *center, sound = whereabouts(*self._state, FARTHEST_LEAP, FASTEST)
+        self._center = np.array(center)
+        return sound
+
+    @contextmanager
+    def _taken_back(self) -> Iterator[list[NDArray[np.floating]]]:
+        """Keep a copy of the state, and put it back should anything be raised within."""
+        before, center = [component.copy() for component in self._state], self._center
+        try:
+            yield before
+        except BaseException:
+            self._restore(before)
+            self._center = center
+            raise
+
+    def _restore(self, before: list[NDArray[np.floating]]) -> None:
+        for component, kept in zip(self._state, before, strict=True):
+            component[:] = kept
 
 
 def _threads_for(vertices: int) -> int:

@@ -17,7 +17,7 @@ from cape.springs import springs_of
 FloatArray = NDArray[np.float64]
 
 DOUBLE = (SymplecticEuler(precision="double"), XPBD(precision="double"))
-DEFAULTS = (SymplecticEuler(precision="single"), XPBD())
+DEFAULTS = (SymplecticEuler(precision="single"), XPBD(precision="single"))
 
 EVERY = (*DOUBLE, BackwardEuler(tolerance=1e-11, forcing=1e-6), TRBDF2(tolerance=1e-11, forcing=1e-6))
 

@@ -24,6 +24,24 @@ def strain(x, y, z, first, second, rest, histogram):
 
 
 @driver
+def whereabouts(x, y, z, vx, vy, vz, farthest, fastest):
+    """Mean position [m] of the vertices, and whether all coordinates [m] and velocities [m/s] are below the bounds.
+
+    What is not a number is below no bound.
+    """
+    sound = True
+    sum_x, sum_y, sum_z = 0.0, 0.0, 0.0
+    for i in range(x.size):
+        sum_x += x[i]
+        sum_y += y[i]
+        sum_z += z[i]
+        near = abs(x[i]) < farthest and abs(y[i]) < farthest and abs(z[i]) < farthest
+        slow = abs(vx[i]) < fastest and abs(vy[i]) < fastest and abs(vz[i]) < fastest
+        sound = sound and near and slow
+    return sum_x / x.size, sum_y / x.size, sum_z / x.size, sound
+
+
+@driver
 def kinetic_energy(mass, vx, vy, vz):
     """Kinetic energy of the vertices [J]."""
     total = 0.0
