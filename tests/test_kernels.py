@@ -69,20 +69,34 @@ def test_bones_end_where_they_are_sent_and_turn_evenly(rng: np.random.Generator)
     assert np.abs(spin[0]).max() < 1e-12
 
 
-def test_hold_puts_vertices_on_bones_with_the_velocity_that_brings_them(rng: np.random.Generator):
+@pytest.mark.parametrize(("lo", "hi"), [(0, N), (1, 7), (3, 4)])
+def test_hold_puts_vertices_on_bones_with_the_velocity_that_brings_them(rng: np.random.Generator, lo: int, hi: int):
     p, v = grid_points(rng)
     held, of_bone, points = np.array([3, 0, 7]), np.array([1, 0, 1]), rng.standard_normal((3, 3))
     place, _, _, turn = random_motion(rng, 2)
     matrices, step = quaternions.to_matrix(turn), 0.01
     x, u = p.copy(), v.copy()
-    bones.hold(held, of_bone, points, step, place, matrices, *x, *u)
-    for k, i in enumerate(held):
+    bones.hold(lo, hi, held, of_bone, points, step, place, matrices, *x, *u)
+    own = [(k, i) for k, i in enumerate(held) if lo <= i < hi]
+    for k, i in own:
         there = place[of_bone[k]] + matrices[of_bone[k]] @ points[k]
         np.testing.assert_allclose(x[:, i], there, atol=ROUNDING)
         # The step that came before has moved the vertex by its velocity.
         np.testing.assert_allclose(u[:, i], (there - (p[:, i] - step * v[:, i])) / step, atol=ROUNDING / step)
-    others = np.setdiff1d(np.arange(N), held)
+    others = np.setdiff1d(np.arange(N), [i for _, i in own])
     np.testing.assert_array_equal(x[:, others], p[:, others])
+
+
+def test_whereabouts_and_what_is_not_sound(rng: np.random.Generator):
+    p, v = grid_points(rng)
+    *center, sound = measure.whereabouts(*p, *v, 100.0, 50.0)
+    assert sound
+    np.testing.assert_allclose(center, p.mean(axis=1), atol=ROUNDING)
+    for component in range(6):
+        for value in (np.nan, -np.inf, 101.0):
+            state = [*p.copy(), *v.copy()]
+            state[component][3] = value
+            assert not measure.whereabouts(*state, 100.0, 50.0)[3]
 
 
 def test_strain_and_its_histogram(rng: np.random.Generator):
