@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from cape.bench.run import Report
+from cape.bench.sheets import OFF
 from motions.errors import UserError
 
 COLOURS = {
@@ -75,12 +76,14 @@ def _draw_vertices(axes: Any, report: Report) -> None:
     axes.set(xscale="log", yscale="log", xlabel="vertices", ylabel="ns per vertex and substep")
     axes.set_title("Cost against size, one thread (implicit: a whole step)")
     axes.grid(True, which="major", alpha=0.3)
-    axes.legend(fontsize=7.5, ncols=2, frameon=False, loc="center left", bbox_to_anchor=(0.0, 0.56))
+    axes.xaxis.set_major_formatter("{x:,.0f}")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.legend(fontsize=8, ncols=3, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.14))
 
 
 def _draw_features(axes: Any, report: Report) -> None:
     features = report.features[::-1]
-    labels = [f.label if f.over is None else f"+ {f.label}" for f in features]
+    labels = [f.label if f.over is None or f.label == OFF else f"+ {f.label}" for f in features]
     base = [0.0 if f.added_ns is None else f.ns_per_vertex_substep - f.added_ns for f in features]
     added = [f.ns_per_vertex_substep - b for f, b in zip(features, base, strict=True)]
     axes.barh(labels, base, color="#cfd8e3", label="without it")
@@ -89,7 +92,7 @@ def _draw_features(axes: Any, report: Report) -> None:
         text = f"{more:+.2f}" if low else f"{more:.2f}"
         axes.text(max(low, low + more), place, f" {text}", va="center", fontsize=8)
     axes.set(xlabel="ns per vertex and substep")
-    axes.set_title("What features add (symplectic Euler, grid, single precision)")
+    axes.set_title("What features add (symplectic Euler, grid, single)")
     axes.margins(x=0.12)
     axes.legend(fontsize=8, frameon=False, loc="lower right")
 

@@ -24,6 +24,7 @@ SECONDS = 2.0  # of its motion
 LAYOUTS: Final = ("grid", "mesh")
 FABRIC: Final = ("springs", "damping", "bending", "bend damping")  # features of the default fabric
 WHOLE: Final = "bend damping"  # label of the variant that has them all, and nothing else
+OFF: Final = "all of these switched off"  # label of the same, made of a scene that has everything
 
 
 def sheet(vertices: int, layout: str = "grid", *, fabric: Fabric | None = None) -> StandardScene:
@@ -116,7 +117,7 @@ def variants(vertices: int) -> list[Variant]:
         variant("box touched", WHOLE, (*FABRIC, "boxes"), colliders=(box,)),
         variant("plane touched", WHOLE, (*FABRIC, "planes"), colliders=(plane,)),
         variant("statistics", WHOLE, (*FABRIC, "statistics"), read=True),
-        Variant("all of these switched off", WHOLE, FABRIC, replace(everything, wind=None, colliders=(), friction=0.0)),
+        Variant(OFF, WHOLE, FABRIC, replace(everything, wind=None, colliders=(), friction=0.0)),
     ]
 
 

@@ -114,7 +114,7 @@ def _print_solvers(report: Report) -> None:
     table = _table("Solvers and layouts, one thread; a substep of an implicit solver is a whole solve", "solver")
     for name in ("layout", "precision"):
         table.add_column(name)
-    for name in ("vertices", "substeps", "ns per vertex and substep", "of the scalar loop", "of the limit", "compile"):
+    for name in ("vertices", "substeps", "ns per vertex and substep", "speed / scalar loop", "cost / limit", "compile"):
         table.add_column(name, justify="right")
     for row in report.section("solvers"):
         table.add_row(
@@ -124,8 +124,8 @@ def _print_solvers(report: Report) -> None:
             f"{row.vertices:,}",
             "" if row.substeps is None else str(row.substeps),
             f"{row.ns_per_vertex_substep:.2f}",
-            _ratio(row.ratio_to_scalar, "faster"),
-            _ratio(row.ratio_to_limit, "slower"),
+            _ratio(row.ratio_to_scalar),
+            _ratio(row.ratio_to_limit),
             f"{row.compile_s:.1f} s",
         )
     _print(table)
@@ -199,8 +199,8 @@ def _print_features(report: Report) -> None:
     _print(table)
 
 
-def _ratio(ratio: float | None, word: str) -> str:
-    return "" if ratio is None else f"{ratio:.2f} x {word}"
+def _ratio(ratio: float | None) -> str:
+    return "" if ratio is None else f"{ratio:.2f}"
 
 
 def _table(title: str, first: str) -> Table:
