@@ -42,13 +42,11 @@ class Links(NamedTuple):
 def mesh_springs_record(springs: Springs, vertices: int, dtype: type[np.floating]) -> MeshSprings:
     """Lay out the springs of a mesh in a solver's precision, on the links that bending needs as well."""
     links = _links_of(springs, vertices)
-    start, incoming = _lists(links.rows, links.pairs[:, 1:], vertices)
     return MeshSprings(
         second=_table(links.rows, links.pairs[:, 1], np.arange(vertices), np.uint32),
         stiffness=_table(links.rows, links.stiffness, np.zeros(vertices), dtype),
         rest=_table(links.rows, links.rest, np.ones(vertices), dtype),
-        start=start,
-        incoming=incoming,
+        **_lists(links.rows, links.pairs[:, 1:], vertices),
         **_room(links.rows.total, vertices, 1, dtype),
     )
 
@@ -66,7 +64,6 @@ def mesh_air_record(cloth: Cloth, wind: FloatArray, drag: float, lift: float, dt
     """
     n, triangles = cloth.vertices, cloth.triangles.astype(np.int64)
     owned, rows = _share_out(triangles, n)
-    start, incoming = _lists(rows, owned[:, 1:], n)
     itself = np.arange(n)
     return MeshAir(
         wind=wind,
@@ -74,8 +71,7 @@ def mesh_air_record(cloth: Cloth, wind: FloatArray, drag: float, lift: float, dt
         lift=lift,
         second=_table(rows, owned[:, 1], itself, np.uint32),
         third=_table(rows, owned[:, 2], itself, np.uint32),
-        start=start,
-        incoming=incoming,
+        **_lists(rows, owned[:, 1:], n),
         **_room(rows.total, n, 2, dtype),
     )
 
@@ -172,21 +168,22 @@ def _table(rows: Rows, values: NDArray[Any], blank: NDArray[Any], dtype: type[np
     return table
 
 
-def _lists(rows: Rows, others: IntArray, vertices: int) -> tuple[IntArray, NDArray[np.uint32]]:
+def _lists(rows: Rows, others: IntArray, vertices: int) -> dict[str, Any]:
     """For each vertex the places of items that others own, `others` (L, m - 1) being those who do not.
 
-    Returns where each slice begins, shape (slices + 1,), and its lists, all as long as the longest of the slice.
+    Vertices are sorted within their blocks by the length of their lists, so that little is padded.
     """
     place = ((rows.owner // BLOCK * rows.total + rows.row) * 3) * BLOCK + rows.owner % BLOCK
-    place = np.repeat(place, others.shape[1])
-    vertex = others[rows.item].ravel()
+    place, vertex = np.repeat(place, others.shape[1]), others[rows.item].ravel()
     order = np.lexsort((place, vertex))
     place, vertex = place[order], vertex[order]
     count = np.bincount(vertex, minlength=vertices)
-    slices = -(-vertices // SLICE)
-    width = np.pad(count, (0, slices * SLICE - vertices)).reshape(slices, SLICE).max(axis=1)
+    sorted_vertices = np.lexsort((count, np.arange(vertices) // BLOCK))
+    slices, blocks = -(-vertices // SLICE), -(-vertices // BLOCK)
+    width = np.pad(count[sorted_vertices], (0, slices * SLICE - vertices)).reshape(slices, SLICE).max(axis=1)
     start = np.concatenate([[0], np.cumsum(width * SLICE)])
-    incoming = np.full(start[-1], -(-vertices // BLOCK) * rows.total * 3 * BLOCK, np.uint32)
+    incoming = np.full(start[-1], blocks * rows.total * 3 * BLOCK, np.uint32)
     nth = np.arange(len(vertex)) - (np.cumsum(count) - count)[vertex]
-    incoming[start[vertex // SLICE] + vertex % SLICE * width[vertex // SLICE] + nth] = place
-    return start, incoming
+    at = np.argsort(sorted_vertices)[vertex]
+    incoming[start[at // SLICE] + at % SLICE * width[at // SLICE] + nth] = place
+    return {"sorted_vertices": sorted_vertices.astype(np.uint32), "start": start, "incoming": incoming}

@@ -9,6 +9,13 @@ of each patch is the k >= 0 nearest to the fabric's, in the norm of the fourth-o
 its area to those of its patches that come nearest. On a grid whose cells are split along either diagonal, the patches
 of the diagonals are exact, and the springs are those of the grid.
 
+Elsewhere the fabric is met in the mean. For the default fabric (shear a tenth of stretch) on cells split at random, with
+vertices moved by up to 0.3 of a cell, stretch along the threads is 1.3 % low and shear 15 % high; with the threads
+turned by 45 degrees 3 % low and 30 % high. It is worst for threads at 22.5 degrees to the edges: 6 % low and 59 % high,
+and on a regular split grid 31 % low along one thread with shear 2.3 times the fabric's, since springs oblique to threads
+that stretch hardly at all must also resist shear. The smaller shear is against stretch, the more of it is too much: a
+fabric with a hundredth has six times its shear in the random cells.
+
 Bend springs are the hinges of Bergou, Wardetzky, Harmon, Zorin and Grinspun 2006, "A quadratic bending model for
 inextensible surfaces", section 4: 1/2 k |sum c_a p_a|^2 with c from the cotangents of the hinge at rest.
 """
@@ -142,7 +149,7 @@ def _in_plane(
     shares = trust[:, None] / np.bincount(owner.ravel(), np.repeat(trust, 2), len(area))[owner]
     stiffness_area = weight * (shares * area[owner]).sum(axis=1)[:, None]
     carried = np.concatenate([edges.interior[:, None], of_side[others]], axis=1)
-    edge_sum = np.bincount(carried.ravel(), stiffness_area[:, :5].ravel(), len(length))
+    edge_sum = np.bincount(carried.ravel(), stiffness_area[:, :5].ravel(), len(length)).astype(float)
 
     alone = np.setdiff1d(np.arange(len(area)), owner)
     weight, _ = _fit(tensor.reshape(-1, 3, 5)[alone], target)
@@ -162,7 +169,10 @@ def _hinges(
     The paper's energy of an edge is 3 / (2 (A0 + A1)) |K x|^2: of (A0 + A1) / 3, its share of the area, bent by 3 K x /
     (A0 + A1), which is right in the mean of edges but not in their mean square. That is the number of families of edges
     in which the curvature could gather, 3, on grids bent along their threads and on equilateral triangles, and more on
-    irregular ones. Each energy is divided by the mean around its vertices.
+    irregular ones. Each energy is divided by the mean around its vertices. Then a sheet bent to a cylinder has the
+    energy of its fabric to the last hinge on those grids along their threads and on equilateral triangles in every
+    direction; a grid split one way is right across one diagonal and three times as stiff across the other, and
+    one split at random with moved vertices within 5 % along its threads and up to 1.6 times as stiff across diagonals.
     """
     faces = cloth.faces.ravel()
     crossing, places, low, along = _unfold(cloth, edges)

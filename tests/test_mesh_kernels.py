@@ -6,7 +6,7 @@ They also run with the compiler off: NUMBA_DISABLE_JIT=1.
 import os
 import re
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -190,13 +190,13 @@ class Spread(NamedTuple):
             mesh.pack(lo, hi, *s, springs.words)
             mesh.pack(lo, hi, *s, self.air.words)
         for lo, hi in ranks:
-            mesh.pull_all(lo, hi, s, springs, springs.words, self.bends, f(TAU), f(BEND_TAU), *forces)
+            mesh.pull_all(lo, hi, s, springs, self.bends, f(TAU), f(BEND_TAU), *forces)
         for lo, hi in ranks:
-            mesh.collect(lo, hi, springs.start, springs.incoming, springs.forces, *forces)
+            mesh.collect(lo, hi, springs.sorted_vertices, springs.start, springs.incoming, springs.forces, *forces)
         for lo, hi in ranks:
             mesh.push_all(lo, hi, s, self.air, *forces)
         for lo, hi in ranks:
-            mesh.collect(lo, hi, self.air.start, self.air.incoming, self.air.forces, *forces)
+            mesh.collect(lo, hi, self.air.sorted_vertices, self.air.start, self.air.incoming, self.air.forces, *forces)
         return forces
 
 
@@ -234,11 +234,18 @@ def enumerate_pairs(hinge: np.ndarray) -> list[tuple[int, tuple[int, int]]]:
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="looks at what the compiler makes")
 def test_roots_are_taken_many_at_once():
+    from numba import njit, typeof
+
     s = sheet(0, 5, 5)
-    computed(s, np.float32, bends=True, damping=TAU, bend_damping=BEND_TAU)
-    computed(s, np.float32, bends=False, damping=None, bend_damping=None)
-    single = [signature for signature in mesh.pull.signatures if "float32" in str(signature)]
-    assert len(single) >= 2
-    for signature in single:
-        # x86-64 and AArch64: a root of several numbers.
-        assert re.search(r"\bv?sqrtps\b|\bfsqrt\s+v\d+\.4s", mesh.pull.inspect_asm(signature)), signature
+    springs, bends = records(s, np.float32)
+    state, one = s.state(np.float32), np.float32(1)
+    given = (0, 64, *state, springs.words, springs.second, springs.stiffness, springs.rest)
+    rest = (one, springs.room, springs.forces, state.x, state.y, state.z)
+    # Compiled anew, since a cached function has no code to show.
+    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+    loop: Any = njit(**options)(mesh.pull.py_func)
+    for absent in ((bends.weight, one, one), (None, one, None)):
+        signature = tuple(typeof(argument) for argument in (*given, *absent, *rest))
+        loop.compile(signature)
+        # x86-64 and AArch64: roots of several numbers.
+        assert re.search(r"\bv?sqrtps\b|\bfsqrt\s+v\d+\.4s", loop.inspect_asm(signature)), signature
