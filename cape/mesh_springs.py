@@ -9,12 +9,12 @@ of each patch is the k >= 0 nearest to the fabric's, in the norm of the fourth-o
 its area to those of its patches that come nearest. On a grid whose cells are split along either diagonal, the patches
 of the diagonals are exact, and the springs are those of the grid.
 
-Elsewhere the fabric is met in the mean. For the default fabric (shear a tenth of stretch) on cells split at random, with
-vertices moved by up to 0.3 of a cell, stretch along the threads is 1.3 % low and shear 15 % high; with the threads
+Elsewhere the fabric is met in the mean. For the default fabric (shear a tenth of stretch) on cells split at random,
+with vertices moved by up to 0.3 of a cell, stretch along the threads is 1.3 % low and shear 15 % high; with the threads
 turned by 45 degrees 3 % low and 30 % high. It is worst for threads at 22.5 degrees to the edges: 6 % low and 59 % high,
-and on a regular split grid 31 % low along one thread with shear 2.3 times the fabric's, since springs oblique to threads
-that stretch hardly at all must also resist shear. The smaller shear is against stretch, the more of it is too much: a
-fabric with a hundredth has six times its shear in the random cells.
+and on a regular split grid 31 % low along one thread with shear 2.3 times the fabric's, since springs oblique to the
+threads resist shear as they resist stretch. The smaller shear is against stretch, the more of it is too much: a fabric
+with a hundredth has six times its shear in the random cells.
 
 Bend springs are the hinges of Bergou, Wardetzky, Harmon, Zorin and Grinspun 2006, "A quadratic bending model for
 inextensible surfaces", section 4: 1/2 k |sum c_a p_a|^2 with c from the cotangents of the hinge at rest.
