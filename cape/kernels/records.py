@@ -49,34 +49,37 @@ class GridAir(NamedTuple):
 
 
 class MeshSprings(NamedTuple):
-    """Links between vertices of a mesh, each owned by one end: D rows of N, a vertex linked to itself for padding.
+    """Links between vertices of a mesh, each owned by one end: D rows for each block of vertices.
 
-    `second` (D, N), the other ends; `stiffness` [N/m] and `rest` [m] of their springs (D, N), 0 and 1 for no spring;
-    `start` (slices + 1,) and `incoming`, for each vertex of a slice the places d N + i of the links that others own,
-    D N for padding. Room: for coordinates with their velocities as words (3, N), fetched ends (3, N), each rank using
-    its own part, and forces on the other ends [N] (3, D N + 1), the last 0.
+    `second`, the other ends, `stiffness` [N/m] and `rest` [m] of their springs, 0 and 1 for no spring, (blocks, D,
+    BLOCK); `sorted_vertices` (N,), those of each block by the number of links that others own, `start` (slices + 1,)
+    and `incoming`, for each of them in slices the places of those links in `forces`. Room: `words` for coordinates with
+    their velocities (3, N); `room` for a block's own ends, other ends and sums, each rank using the line of its first
+    block; `forces` on the other ends [N], flat, three components of BLOCK for each row of each block and of a row of
+    zeros, for padding.
     """
 
     second: NDArray[np.uint32]
     stiffness: Array
     rest: Array
+    sorted_vertices: NDArray[np.uint32]
     start: Indices
     incoming: NDArray[np.uint32]
     words: NDArray[np.generic]
-    ends: NDArray[np.generic]
+    room: NDArray[np.generic]
     forces: Array
 
 
 class MeshBends(NamedTuple):
-    """Bending of a mesh: its force on a link's owner is `weight` [N/m] times the vector to the other end, (D, N)."""
+    """Bending of a mesh: its force on a link's owner is `weight` [N/m] times the vector to the other end, as `rest`."""
 
     weight: Array
 
 
 class MeshAir(NamedTuple):
-    """Uniform wind [m/s] (3,), rho Cd / 12 and rho Cl / 12 [kg/m3], on triangles that one corner owns, D rows of N.
+    """Uniform wind [m/s] (3,), rho Cd / 12 and rho Cl / 12 [kg/m3], on triangles that one corner owns, D rows a block.
 
-    `second` and `third` (D, N) are the other corners; the rest as in MeshSprings, but six fetched ends (6, N).
+    `second` and `third` (blocks, D, BLOCK) are the other corners; the rest as in MeshSprings.
     """
 
     wind: Array
@@ -84,10 +87,11 @@ class MeshAir(NamedTuple):
     lift: float
     second: NDArray[np.uint32]
     third: NDArray[np.uint32]
+    sorted_vertices: NDArray[np.uint32]
     start: Indices
     incoming: NDArray[np.uint32]
     words: NDArray[np.generic]
-    ends: NDArray[np.generic]
+    room: NDArray[np.generic]
     forces: Array
 
 
