@@ -130,7 +130,7 @@ class ImplicitSolver(Solver):
         linear_iterations: of the conjugate gradients, at most in a Newton step.
     """
 
-    tolerance: float = 1e-5
+    tolerance: float = 1e-6
     iterations: int = 40
     forcing: float = 0.1
     linear_iterations: int = 500
