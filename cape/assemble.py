@@ -12,7 +12,7 @@ from cape.cloth import Cloth, GridCloth, MeshCloth
 from cape.colliders import Box, Collider, Plane, Sphere
 from cape.kernels.bones import blank_motion
 from cape.kernels.contact import BLOCK
-from cape.kernels.grid import MOST_COLUMNS, grid_room
+from cape.kernels.grid import MOST_COLUMNS, GridRoom, grid_room
 from cape.kernels.records import (
     Attached,
     Boxes,
@@ -149,7 +149,7 @@ def force_model(assembly: Assembly, dtype: type[np.floating]) -> ForceModel:
             cells[:-1, :-1] = 1.0
             parts["grid_air"] = GridAir(*air, cells.ravel(), cloth.columns)
     else:
-        from cape.mesh_springs import mesh_air_record, mesh_bends_record, mesh_springs_record
+        from cape.links import mesh_air_record, mesh_bends_record, mesh_springs_record
 
         parts["mesh"] = mesh_springs_record(springs, cloth.vertices, dtype)
         if has_bends:
@@ -159,7 +159,7 @@ def force_model(assembly: Assembly, dtype: type[np.floating]) -> ForceModel:
     return ForceModel(**parts)
 
 
-def force_scratch(assembly: Assembly, dtype: type[np.floating]) -> tuple[NDArray[np.floating] | None, ...]:
+def force_scratch(assembly: Assembly, dtype: type[np.floating]) -> tuple[GridRoom | None, ...]:
     """Scratch of the forces for each thread; None where they need none of their own."""
     cloth = assembly.cloth
     if not isinstance(cloth, GridCloth):

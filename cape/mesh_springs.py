@@ -24,11 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth import MeshCloth, areas
-from cape.links import mesh_air_record, mesh_bends_record, mesh_springs_record
 from cape.springs import Springs
 from cape.triangles import Edges, edges_of
-
-__all__ = ["mesh_air_record", "mesh_bends_record", "mesh_springs", "mesh_springs_record"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

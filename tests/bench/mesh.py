@@ -20,7 +20,8 @@ from cape.kernels.baselines import move, scalar_step
 from cape.kernels.jit import kernel
 from cape.kernels.mesh import mesh_air_forces, mesh_forces
 from cape.kernels.records import State
-from cape.mesh_springs import mesh_air_record, mesh_bends_record, mesh_springs, mesh_springs_record
+from cape.links import mesh_air_record, mesh_bends_record, mesh_springs_record
+from cape.mesh_springs import mesh_springs
 from cape.springs import Springs
 from cape.triangles import locality_order, reordered
 
