@@ -13,6 +13,7 @@ from cape import team
 from cape.assemble import Assembly, force_model, force_scratch
 from cape.cloth import GridCloth
 from cape.kernels.conjugate import CHUNK
+from cape.kernels.grid import GridRoom
 from cape.kernels.implicit import backward_euler_frame, tr_bdf2_frame
 from cape.kernels.records import Attached, Contacts, ForceModel, Motion, MotionRoom, State, Team
 from cape.solvers.base import Solver
@@ -108,7 +109,7 @@ class ImplicitRoom(NamedTuple):
 
     model: ForceModel
     inertia: Inertia
-    scratch: tuple[Array | None, ...]
+    scratch: tuple[GridRoom | None, ...]
     matrix: Matrix
     works: tuple[Work, ...]
     counts: NDArray[np.int64]

@@ -10,6 +10,7 @@ from cape import team
 from cape.assemble import Assembly, force_model, force_scratch, inertia_of
 from cape.cloth import GridCloth
 from cape.coloring import by_color
+from cape.kernels.grid import GridRoom
 from cape.kernels.records import (
     Constraints,
     ForceModel,
@@ -40,7 +41,7 @@ class XpbdRoom(NamedTuple):
     air: ForceModel | None
     inertia: Inertia
     forces: Array | None
-    scratch: tuple[Array | None, ...]
+    scratch: tuple[GridRoom | None, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
