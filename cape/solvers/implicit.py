@@ -92,7 +92,7 @@ class Problem(NamedTuple):
     state: State
     model: ForceModel
     inertia: Inertia
-    scratch: Array | None
+    scratch: GridRoom | None
     matrix: Matrix
     work: Work
     settings: Settings
@@ -287,8 +287,8 @@ def matrix_of(assembly: Assembly, model: ForceModel, dtype: type[np.floating]) -
         rows = []
         np.add.at(diagonal, springs.bend_vertices, springs.bend_stiffness[:, None] * springs.bend_coefficients**2)
         for offset, stiffness in zip(families.bend_offsets, families.bend_stiffness, strict=True):
-            ends = np.concatenate([np.zeros(offset), stiffness[: count - offset]])
-            rows += [-2.0 * (stiffness + ends), stiffness]
+            arriving = np.concatenate([np.zeros(offset), stiffness[: count - offset]])
+            rows += [-2.0 * (stiffness + arriving), stiffness]
         bends = padded(np.stack(rows))
     return Matrix(
         front=front,
