@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cape.cloth import Cloth
 from cape.kernels.mesh import BLOCK, ENDS, SLICE
 from cape.kernels.records import MeshAir, MeshBends, MeshSprings
+from cape.kernels.sharing import share_items
 from cape.springs import Springs
 
 FloatArray = NDArray[np.float64]
@@ -114,49 +115,21 @@ def _links_of(springs: Springs, vertices: int) -> Links:
 def _share_out(items: IntArray, vertices: int) -> tuple[IntArray, Rows]:
     """Give each item (L, m) to one of its m vertices so that all own about as many.
 
-    Returns the items with their owner first, shape (L, m), and where they stand. Each goes to whoever owns least; then
-    whoever owns more than the mean, rounded up, passes items on along the shortest way to one who owns less.
+    Returns the items with their owner first, shape (L, m), and where they stand.
     """
-    owned: list[list[int]] = [[] for _ in range(vertices)]
-    members = items.tolist()
-    for item, candidates in enumerate(members):
-        min((owned[v] for v in candidates), key=len).append(item)
-    most = -(-len(members) // vertices)
-    for vertex in range(vertices):
-        while len(owned[vertex]) > most:
-            if not _pass_on(vertex, owned, members, most):
-                most += 1
-    owner = np.repeat(np.arange(vertices), [len(o) for o in owned])
-    item = np.array([i for o in owned for i in sorted(o)], dtype=np.int64)
-    row = np.array([k for o in owned for k in range(len(o))], dtype=np.int64)
+    depth = int(np.bincount(items.ravel(), minlength=vertices).max())
+    owned, count = np.full((vertices, depth), len(items), dtype=np.int64), np.zeros(vertices, dtype=np.int64)
+    share_items(items, owned, count, *(np.zeros(vertices, dtype=np.int64) for _ in range(4)))
+    owned[np.arange(depth) >= count[:, None]] = len(items)
+    owned.sort(axis=1)
+    owner, row = np.nonzero(owned < len(items))
+    item = owned[owner, row]
     place = np.argmax(items[item] == owner[:, None], axis=1)
     turned = items.copy()
     turned[item] = np.take_along_axis(
         items[item], (place[:, None] + np.arange(items.shape[1])) % items.shape[1], axis=1
     )
     return turned, Rows(item, row, owner, int(row.max()) + 1)
-
-
-def _pass_on(vertex: int, owned: list[list[int]], members: list[list[int]], most: int) -> bool:
-    """Take one item from a vertex, in a chain that ends at one who owns less than `most`; False if there is none."""
-    came: dict[int, tuple[int, int]] = {vertex: (vertex, -1)}
-    queue = [vertex]
-    for giver in queue:
-        for item in owned[giver]:
-            for taker in members[item]:
-                if taker in came:
-                    continue
-                came[taker] = (giver, item)
-                if len(owned[taker]) >= most:
-                    queue.append(taker)
-                    continue
-                while taker != vertex:
-                    giver, item = came[taker]
-                    owned[giver].remove(item)
-                    owned[taker].append(item)
-                    taker = giver
-                return True
-    return False
 
 
 def _table(rows: Rows, values: NDArray[Any], blank: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:

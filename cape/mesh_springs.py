@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth import MeshCloth, areas
+from cape.kernels.fit import fit_weights
 from cape.springs import Springs
 from cape.triangles import Edges, edges_of
 
@@ -105,16 +106,11 @@ def _fit(tensors: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArra
 
     Returns q in the target's unit, shape (P, S), and the relative misfit, shape (P,).
     """
-    normal = np.einsum("psk,prk->spr", tensors, tensors)
-    size = np.linalg.norm(target)
-    wanted = np.einsum("psk,k->sp", tensors, target / size)
-    q = np.zeros(wanted.shape)
-    for _ in range(SWEEPS):
-        for s in range(len(q)):
-            residual = wanted[s] - np.einsum("pr,rp->p", normal[s], q) + q[s]
-            q[s] = np.maximum(residual / (1.0 + RIDGE), 0.0)
-    missing = np.einsum("psk,sp->pk", tensors, q) - target / size
-    return size * q.T, np.linalg.norm(missing, axis=1)
+    size, count = np.linalg.norm(target), tensors.shape[1]
+    q = np.zeros(tensors.shape[:2])
+    fit_weights(tensors, target / size, SWEEPS, RIDGE, np.zeros((count, count)), np.zeros(count), q)
+    missing = np.einsum("psk,ps->pk", tensors, q) - target / size
+    return size * q, np.linalg.norm(missing, axis=1)
 
 
 def _in_plane(

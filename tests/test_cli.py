@@ -151,7 +151,7 @@ def test_an_interrupted_run_leaves_a_whole_recording_or_none(tmp_path):
     )
     assert process.stderr is not None
     process.stderr.readline()
-    # Long before the end, and as a rule after the first frames; where it is still compiling there is nothing to keep.
+    # Long before the end; where it is still compiling there is nothing to keep.
     time.sleep(6.0)
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate(timeout=120)

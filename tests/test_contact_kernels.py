@@ -68,7 +68,9 @@ def test_capsules_near_a_block_are_all_that_it_can_reach(rng: np.random.Generato
         np.testing.assert_allclose(placed[c, :3], place[owner[c]] + matrices[owner[c]] @ starts[c], atol=ROUNDING)
         np.testing.assert_allclose(placed[c, 3:6], place[owner[c]] + matrices[owner[c]] @ ends[c], atol=ROUNDING)
     assert placed[4, 7] == 0.0
-    contact.find_near(*p, *v, placed, radius, thickness, owner, place, velocity, spin, horizon, slack, near)
+    contact.find_near(
+        0, p.shape[1], *p, *v, placed, radius, thickness, owner, place, velocity, spin, horizon, slack, near
+    )
     for block in range(near.shape[0]):
         members = slice(block * contact.BLOCK, (block + 1) * contact.BLOCK)
         fastest = np.linalg.norm(v[:, members], axis=0).max()
@@ -94,7 +96,22 @@ def test_colliding_takes_every_free_vertex_out(rng: np.random.Generator, count: 
     still, owner, friction = np.zeros((1, 3)), np.zeros(count, dtype=np.int64), np.full(count, 0.3)
     x, touched = p.copy(), np.zeros(contact.BLOCK, dtype=np.int64)
     contact.collide_capsules(
-        free, *x, *u, near, touched, owner, placed, radius, friction, thickness, step, still, still, still
+        0,
+        x.shape[1],
+        free,
+        *x,
+        *u,
+        near,
+        touched,
+        owner,
+        placed,
+        radius,
+        friction,
+        thickness,
+        step,
+        still,
+        still,
+        still,
     )
 
     def distance(points: np.ndarray) -> np.ndarray:
@@ -125,7 +142,9 @@ def test_colliding_with_a_plane_that_a_bone_carries(rng: np.random.Generator):
 
     x, free = p.copy(), rng.uniform(size=60) < 0.8
     owner, friction = np.zeros(1, dtype=np.int64), np.array([0.3])
-    contact.collide_planes(free, *x, *u, owner, point, normal, friction, thickness, step, place, matrices, still, still)
+    contact.collide_planes(
+        0, x.shape[1], free, *x, *u, owner, point, normal, friction, thickness, step, place, matrices, still, still
+    )
     entered = free & (height(p) < thickness)
     assert 10 < entered.sum() < 50
     np.testing.assert_allclose(height(x)[entered], thickness, atol=ROUNDING)
@@ -145,7 +164,7 @@ def test_colliding_with_a_box_that_a_bone_carries(rng: np.random.Generator):
     x, free = p.copy(), rng.uniform(size=60) < 0.8
     owner, friction = np.zeros(1, dtype=np.int64), np.array([0.3])
     contact.collide_boxes(
-        free, *x, *u, owner, center, halves, frame, np.zeros((3, 3)), friction, thickness, step,
+        0, x.shape[1], free, *x, *u, owner, center, halves, frame, np.zeros((3, 3)), friction, thickness, step,
         place, matrices, still, still,
     )  # fmt: skip
     entered = free & (distance(p) < thickness)

@@ -1,6 +1,8 @@
 """The command `cape`."""
 
+import signal
 import sys
+from types import FrameType
 
 from motions.errors import UserError
 
@@ -13,6 +15,13 @@ def main() -> None:
     from cape.cli.app import app
 
     command = typer.main.get_command(app)
+    interrupted: list[int] = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        interrupted.append(number)
+        signal.default_int_handler(number, frame)
+
+    signal.signal(signal.SIGINT, interrupt)
     try:
         status = command.main(prog_name="cape", standalone_mode=False)
     except UserError as error:
@@ -22,6 +31,11 @@ def main() -> None:
     except BrokenPipeError:
         status = 1
     except typer.Abort:
+        status = 130
+    except Exception:
+        # An interrupt while numba compiles comes out as whatever broke in the compiler.
+        if not interrupted:
+            raise
         status = 130
     sys.exit(status if isinstance(status, int) else 0)
 
