@@ -215,6 +215,15 @@ def fail(frame: int, frames: int) -> None:
     raise RuntimeError("first frame")
 
 
+def test_what_does_not_converge_is_kept_and_told():
+    scene, track = hanging_track(4)
+    take = cape.simulate(scene, track, solver=cape.BackwardEuler(iterations=1, tolerance=1e-12))
+    assert take.result == "finished with warnings"
+    assert len(take.positions) == 4
+    assert any("3 frames did not reach the solver's tolerance" in note for note in take.warnings)
+    assert any("ask for more substeps or a larger tolerance" in note for note in take.warnings)
+
+
 def test_a_forecast_changes_nothing():
     scene, track = hanging_track(2)
     poses = [Pose(track.positions[f], track.rotations_wxyz[f]) for f in range(2)]

@@ -15,6 +15,7 @@ from cape.bench.sheets import LAYOUTS
 from cape.team import available_cores
 
 PRECISIONS = ("single", "double")
+DEFAULT_PRECISION = {"euler": "single", "xpbd": "single", "backward_euler": "double", "tr_bdf2": "double"}
 LINEAR = 1.25  # times the cost per vertex of a small cloth: beyond it cost no longer grows linearly
 SMALL = 1_500  # vertices, of that cloth
 
@@ -93,7 +94,7 @@ def solver_cases(plan: Plan) -> list[Case]:
         for vertices in plan.table
         for solver in plan.solvers
         for layout in LAYOUTS
-        for precision in (PRECISIONS if solver == "euler" or plan.all_precisions else ("double",))
+        for precision in (PRECISIONS if solver == "euler" or plan.all_precisions else (DEFAULT_PRECISION[solver],))
     ]
 
 
@@ -103,7 +104,11 @@ def vertices_cases(plan: Plan) -> list[Case]:
     return [
         *(Case("euler", "grid", "single", vertices) for vertices in plan.vertices),
         *(Case("euler", "mesh", "single", vertices) for vertices in plan.mesh_vertices),
-        *(Case(solver, "grid", "double", vertices) for solver in others for vertices in plan.other_vertices),
+        *(
+            Case(solver, "grid", DEFAULT_PRECISION[solver], vertices)
+            for solver in others
+            for vertices in plan.other_vertices
+        ),
     ]
 
 

@@ -211,4 +211,6 @@ def _table(title: str, first: str) -> Table:
 
 def _print(table: Table) -> None:
     print()
-    Console(highlight=False, markup=False).print(table)
+    # In a file or a pipe nothing needs to be folded.
+    width = None if sys.stdout.isatty() else 160
+    Console(highlight=False, markup=False, width=width).print(table)
