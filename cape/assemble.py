@@ -124,7 +124,12 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
 
 def inertia_of(assembly: Assembly, dtype: type[np.floating]) -> Inertia:
     """Masses and gravity in a solver's precision."""
-    return Inertia(assembly.inverse_mass.astype(dtype), np.array(assembly.scene.gravity, dtype=float))
+    return Inertia(
+        mass=assembly.mass.astype(dtype),
+        inverse_mass=assembly.inverse_mass.astype(dtype),
+        free=assembly.free.astype(dtype),
+        gravity=np.array(assembly.scene.gravity, dtype=float),
+    )
 
 
 def force_model(assembly: Assembly, dtype: type[np.floating]) -> ForceModel:

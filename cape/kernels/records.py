@@ -120,9 +120,12 @@ class Team(NamedTuple):
 
 
 class Inertia(NamedTuple):
-    """What every vertex has: `inverse_mass` [1/kg] (N,), zero for attached ones, and `gravity` [m/s2] (3,)."""
+    """What every vertex has: `mass` [kg], `inverse_mass` [1/kg] and `free`, both zero for attached ones, all of shape
+    (N,), and `gravity` [m/s2] (3,)."""
 
+    mass: Array
     inverse_mass: Array
+    free: Array
     gravity: Array
 
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape import team
-from cape.assemble import Assembly, force_model, force_scratch
+from cape.assemble import Assembly, force_model, force_scratch, inertia_of
 from cape.cloth import GridCloth
 from cape.kernels.conjugate import CHUNK
 from cape.kernels.grid import GridRoom
 from cape.kernels.implicit import backward_euler_frame, tr_bdf2_frame
-from cape.kernels.records import Attached, Contacts, ForceModel, Motion, MotionRoom, State, Team
+from cape.kernels.records import Attached, Contacts, ForceModel, Inertia, Motion, MotionRoom, State, Team
 from cape.solvers.base import Solver
 from motions.errors import ValueRangeError
 
@@ -40,15 +40,6 @@ class Matrix(NamedTuple):
     mass: Array
     free: Array
     own: Array
-
-
-class Inertia(NamedTuple):
-    """What every vertex has: `mass` [kg], `inverse_mass` [1/kg] and `free`, both 0 for attached ones, (N,); gravity."""
-
-    mass: Array
-    inverse_mass: Array
-    free: Array
-    gravity: Array
 
 
 class Work(NamedTuple):
@@ -183,12 +174,7 @@ class ImplicitSolver(Solver):
         ranks = len(assembly.ranks)
         return ImplicitRoom(
             model=model,
-            inertia=Inertia(
-                assembly.mass.astype(dtype),
-                assembly.inverse_mass.astype(dtype),
-                assembly.free.astype(dtype),
-                np.array(assembly.scene.gravity, dtype=float),
-            ),
+            inertia=inertia_of(assembly, dtype),
             scratch=force_scratch(assembly, dtype),
             matrix=matrix,
             works=tuple(shared._replace(scratch=np.zeros((3, size), inner)) for _ in range(ranks)),
