@@ -152,6 +152,12 @@ def test_a_number_of_threads_that_is_none_is_refused():
         Simulation(Scene(cloth), threads=0)
 
 
+def test_a_grid_wider_than_the_kernels_room_is_refused():
+    cloth = grid_cloth(np.linspace(0, 3, 3000), [0, 0.1], Fabric())
+    with pytest.raises(ValueRangeError, match="a grid of cloth has 2 to 2725 columns, not 3000"):
+        Simulation(Scene(cloth)).start({})
+
+
 # -- what a scene lacks --
 
 
