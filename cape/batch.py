@@ -133,7 +133,10 @@ class Batch:
             raise ValueRangeError(f"a pose for each of the {len(self)} capes is needed, not {len(poses)}")
 
     def _one_each(self, vectors: ArrayLike, name: str) -> NDArray[np.float64]:
-        given = np.asarray(vectors, dtype=float)
+        try:
+            given = np.asarray(vectors, dtype=float)
+        except (ValueError, TypeError) as error:
+            raise ValueRangeError(f"a {name} for each of the {len(self)} capes is needed: {error}") from error
         if given.shape not in ((3,), (len(self), 3)):
             raise ValueRangeError(f"a {name} for each of the {len(self)} capes is needed, not shape {given.shape}")
         return np.broadcast_to(given, (len(self), 3))

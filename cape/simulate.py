@@ -59,6 +59,7 @@ def simulate(
     Raises:
         UnknownNameError: the scene uses a bone that the track has not.
         ValueRangeError: the track has a single frame, or the cloth can't be put on.
+        Diverged: the cloth explodes before the first frame.
     """
     if track.frames < 2:
         raise ValueRangeError("a motion of one frame can't be simulated: at least two are needed")
@@ -98,10 +99,12 @@ def simulate(
     frames = min(len(positions), len(readings))
     if simulation.retried:
         notes.append(f"{simulation.retried} frames needed a smaller step than estimated")
+    if simulation.refined:
+        notes.append(f"{simulation.refined} frames converged in shorter steps only")
     if simulation.unconverged:
         notes.append(
-            f"{simulation.unconverged} frames did not reach the solver's tolerance even at four times as many "
-            "substeps: ask for more substeps or a larger tolerance, or look whether limbs pinch the cloth"
+            f"{simulation.unconverged} frames did not reach the solver's tolerance in shorter steps either: "
+            "ask for more substeps or a larger tolerance, or look whether limbs pinch the cloth"
         )
     stretch = np.array([r.stretch for r in readings[:frames]])
     penetration = np.array([r.penetration for r in readings[:frames]])

@@ -32,6 +32,7 @@ FARTHEST = 1.0  # m from the cloth's middle to the origin that its positions ref
 RETRIES = 4  # each at half the step or less
 CONVERGENCE_RETRIES = 2  # after which a step that did not converge is kept, and counted
 FORECAST_SUBSTEPS = 50
+VERTICES_OF_A_THREAD = 1500  # at least
 THREADED_VERTICES = 3000  # from which on a second thread gives half as much speed again
 
 
@@ -51,6 +52,15 @@ class Simulation:
 
     Bones are given as a mapping from each name in `scene.bones` to (position [m], quaternion bone_to_world wxyz), or as
     a `Pose` in the order of `bones`.
+
+    Attributes:
+        scene: cloth, attachments, colliders, forces.
+        solver: how it is advanced.
+        threads: how many share the cloth at most.
+        substeps: steps of the last frame, as chosen first.
+        retried: frames since the start that exploded and were done again in shorter steps.
+        refined: frames that converged in shorter steps only.
+        unconverged: frames that did not converge in shorter steps either.
     """
 
     def __init__(self, scene: Scene, *, solver: Solver | None = None, threads: int | None = None) -> None:
@@ -71,6 +81,7 @@ class Simulation:
         self.threads = threads or _threads_for(scene.cloth.vertices)
         self.substeps = 0
         self.retried = 0
+        self.refined = 0
         self.unconverged = 0
         self._assembly: Assembly | None = None
 
@@ -117,9 +128,12 @@ class Simulation:
 
         Raises:
             UnknownNameError: a bone's pose is missing.
-            ValueRangeError: the pose is not finite, the cape can't be put on, or a vertex is held by two bones.
+            ValueRangeError: a pose, velocity or spin isn't finite, the cape can't be put on, or two bones hold a vertex.
+            Diverged: the cloth explodes while it settles.
         """
+        moving, turning = _vector(velocity, "velocity"), _vector(spin, "spin")
         self._assembly, self._origin = None, np.zeros(3)
+        self.substeps = self.retried = self.refined = self.unconverged = 0
         pose = read_pose(bones, self.bones)
         positions = wear.placed(self.scene, pose)
         self._origin = np.round(positions.mean(axis=0))
@@ -135,12 +149,13 @@ class Simulation:
             put_on = not np.array_equal(worn, spread)
             if settle is None:
                 settle = SETTLING_TIME if put_on else 0.0
-            self._settle(settle, spread, worn, np.asarray(velocity, dtype=float))
-            self._set_out(np.asarray(velocity, dtype=float), np.asarray(spin, dtype=float))
+            self._settle(settle, spread, worn, moving)
+            self._set_out(moving, turning)
+            if not self._sound():
+                raise self._diverged(self._own_choice(SETTLING_FRAME))
         except BaseException:
             self._assembly = None
             raise
-        self._sound()
 
     def compile(self, bones: Bones) -> None:
         """Compile, or load from the cache, all that the scene needs; `start` would, this call only moves the time."""
@@ -172,21 +187,29 @@ class Simulation:
 
     def _try(self, motion: Motion, dt: float, before: list[NDArray[np.floating]]) -> None:
         """Take a step at half the size for as long as it explodes or, twice, does not converge."""
-        substeps = self.substeps
+        substeps, exploded, refined = self.substeps, False, False
         for attempt in range(RETRIES + 1):
             if attempt > 0:
                 self._restore(before)
                 # A count between what explodes and what is stable may grow slowly enough to pass for sound.
-                own_choice = replace(self.solver, substeps=None).choose_substeps(self._room, dt)
-                substeps = max(2 * substeps, own_choice)
-            unconverged = self._advance(motion, dt, substeps)
-            if self._sound() and (unconverged == 0 or attempt == CONVERGENCE_RETRIES):
-                self.retried += attempt > 0
+                substeps = max(2 * substeps, self._own_choice(dt))
+            unconverged, sound = self._advance(motion, dt, substeps), self._sound()
+            if sound and (unconverged == 0 or attempt >= CONVERGENCE_RETRIES):
+                self.retried += exploded
+                self.refined += refined and unconverged == 0
                 self.unconverged += unconverged > 0
                 return
-        raise Diverged(
+            exploded, refined = exploded or not sound, refined or sound
+        raise self._diverged(substeps)
+
+    def _own_choice(self, dt: float) -> int:
+        """Substeps in `dt` [s] that the solver would choose, whatever was asked for."""
+        return replace(self.solver, substeps=None).choose_substeps(self._room, dt)
+
+    def _diverged(self, substeps: int) -> Diverged:
+        return Diverged(
             f"the cloth explodes even at {substeps} substeps per frame: "
-            "use a softer or heavier fabric, a wider spacing, or the solver xpbd"
+            "use a softer or heavier fabric, a wider spacing, or another solver (xpbd, tr_bdf2)"
         )
 
     def forecast(self, dt: float) -> Forecast:
@@ -225,7 +248,7 @@ class Simulation:
         attached, wind, pose = self.assembly.attached, self.assembly.wind, self._pose
         wind -= velocity
         motion = Motion(*pose, *pose)
-        substeps = self.solver.choose_substeps(self._room, SETTLING_FRAME)
+        substeps = max(self.solver.choose_substeps(self._room, SETTLING_FRAME), self._own_choice(SETTLING_FRAME))
         for frame in range(1, round(duration / SETTLING_FRAME) + 1):
             now = frame * SETTLING_FRAME
             if attached is not None:
@@ -289,8 +312,15 @@ class Simulation:
             component[:] = kept
 
 
+def _vector(values: ArrayLike, name: str) -> FloatArray:
+    vector = np.asarray(values, dtype=float)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueRangeError(f"the {name} at the start must be three finite numbers, not {values}")
+    return vector
+
+
 def _threads_for(vertices: int) -> int:
-    return 1 if vertices < THREADED_VERTICES else team.available_cores()
+    return 1 if vertices < THREADED_VERTICES else min(team.available_cores(), vertices // VERTICES_OF_A_THREAD)
 
 
 def _at_rest(positions: FloatArray, dtype: type[np.floating]) -> State:

@@ -14,7 +14,7 @@ from cape.springs import Springs
 FloatArray = NDArray[np.float64]
 
 ITERATIONS = 150  # of the power method; its estimate then lies within 2 % below the largest frequency
-REMEMBERED = 64  # largest steps of the cloths that were asked for last
+REMEMBERED = 64  # largest steps, of the cloths that came last
 
 _known: OrderedDict[bytes, float] = OrderedDict()
 
@@ -57,14 +57,15 @@ def largest_step(springs: Springs, fabric: Fabric, inverse_mass: FloatArray, pos
     for array in (springs.first, springs.second, springs.stiffness, springs.bend_stiffness, inverse_mass, positions):
         digest.update(np.ascontiguousarray(array).tobytes())
     key = digest.digest()
-    if key not in _known:
+    step = _known.get(key)
+    if step is None:
         frequency = largest_frequency(springs, inverse_mass, positions)
         bend_squared = largest_bend_row(
             inverse_mass, springs.bend_vertices, springs.bend_coefficients, springs.bend_stiffness,
             np.empty_like(inverse_mass),
         )  # fmt: skip
         rate = fabric.damping_time * frequency**2 + fabric.bend_damping_time * float(bend_squared)
-        _known[key] = stable_step(frequency, rate)
+        step = _known[key] = stable_step(frequency, rate)
         if len(_known) > REMEMBERED:
             _known.popitem(last=False)
-    return _known[key]
+    return step

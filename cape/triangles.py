@@ -1,7 +1,7 @@
 """Triangle meshes: what makes one a cloth, how its triangles lie flat, and in which order its vertices lie close."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,7 +64,7 @@ def check_mesh(positions: ArrayLike, triangles: ArrayLike, pattern: ArrayLike | 
             there twice, an edge belongs to more than two triangles, or a vertex to none.
     """
     points = _finite(positions, "positions", 3)
-    faces = np.array(triangles)
+    faces = _array(triangles, "triangles")
     if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
         raise ValueRangeError(f"triangles must have the shape (T, 3) with at least one, not {faces.shape}")
     if faces.dtype.kind not in "iu":
@@ -151,12 +151,19 @@ def reordered(cloth: MeshCloth, order: IntArray) -> MeshCloth:
 
 
 def _finite(values: ArrayLike, name: str, columns: int) -> FloatArray:
-    array = np.array(values, dtype=float)
+    array = _array(values, name, float)
     if array.ndim != 2 or array.shape[1] != columns:
         raise ValueRangeError(f"{name} must have the shape (V, {columns}), not {array.shape}")
     if not (finite := np.isfinite(array).all(axis=1)).all():
         raise ValueRangeError(f"{name} of vertex {np.flatnonzero(~finite)[0]} are not finite")
     return array
+
+
+def _array(values: ArrayLike, name: str, dtype: type | None = None) -> NDArray[Any]:
+    try:
+        return np.array(values, dtype=dtype)
+    except (ValueError, TypeError) as error:
+        raise ValueRangeError(f"{name} are not rows of equally many numbers: {error}") from error
 
 
 def _check_indices(faces: IntArray, vertices: int) -> None:

@@ -138,3 +138,11 @@ def test_bones_are_placed_at_any_time_of_the_frame(rng):
         np.testing.assert_allclose(positions, (1 - share) * places[0] + share * places[1], atol=1e-13)
         along = quaternions.slerp(turns[0], turns[1], np.full(count, share))
         np.testing.assert_allclose(matrices, quaternions.to_matrix(along), atol=1e-12)
+
+
+def test_a_nan_is_longer_than_all():
+    d = np.ones((3, 8))
+    assert stages.longest(d, 0, 8) == pytest.approx(np.sqrt(3))
+    d[1, 2] = np.nan
+    assert np.isnan(stages.longest(d, 0, 8))
+    assert stages.longest(d, 3, 8) == pytest.approx(np.sqrt(3))

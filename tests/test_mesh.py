@@ -209,3 +209,10 @@ def test_an_irregular_mesh_bends_within_the_stated_factor(angle: float):
     cloth = sheet(60, 60, flips=0.5, jitter=0.3)
     energy = bend_energy(mesh_springs(cloth), rolled(cloth.pattern, np.radians(angle), 50.0))
     assert 0.9 < energy / (cloth.fabric.bend / (2 * 50.0**2) * areas(cloth.corners).sum()) < 1.7
+
+
+def test_ragged_rows_are_refused_by_name():
+    with pytest.raises(ValueRangeError, match="positions are not rows of equally many numbers"):
+        Cloth.from_mesh([[0, 0, 0], [1, 0, 0], [0, 1]], [[0, 1, 2]])  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ValueRangeError, match="triangles are not rows of equally many numbers"):
+        Cloth.from_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 1]])  # pyright: ignore[reportArgumentType]

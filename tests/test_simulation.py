@@ -170,6 +170,51 @@ def test_what_explodes_at_any_step_is_reported_and_the_state_is_as_before():
     assert all(after >= 2 * previous for previous, after in itertools.pairwise([10, *retried]))
 
 
+def test_what_exploded_and_then_does_not_converge_is_kept(monkeypatch: pytest.MonkeyPatch):
+    simulation = Simulation(hanging())
+    simulation.start(swing(0.0))
+    tries: list[int] = []
+    advance = simulation._advance
+
+    def unsettled(motion, duration: float, substeps: int) -> int:
+        advance(motion, duration, substeps)
+        tries.append(substeps)
+        if len(tries) == 3:
+            simulation._state.z[-1] = np.nan
+        return 1
+
+    monkeypatch.setattr(simulation, "_advance", unsettled)
+    simulation.step(swing(1 / 60), 1 / 60)
+    assert len(tries) == 4
+    assert np.isfinite(simulation.positions).all()
+    assert (simulation.retried, simulation.refined, simulation.unconverged) == (1, 0, 1)
+    monkeypatch.undo()
+    simulation.start(swing(0.0))
+    assert (simulation.retried, simulation.refined, simulation.unconverged) == (0, 0, 0)
+
+
+def test_a_cloth_settles_at_a_stable_step_whatever_is_asked_for():
+    simulation = Simulation(hanging(), solver=SymplecticEuler(substeps=1))
+    simulation.start(swing(0.0), settle=0.5)
+    assert np.isfinite(simulation.positions).all()
+    simulation.step(swing(1 / 60), 1 / 60)
+    assert np.isfinite(simulation.positions).all()
+
+
+def test_an_explosion_while_settling_is_reported():
+    simulation = Simulation(hanging(), solver=ExplodesAfter(frame=2))
+    with pytest.raises(Diverged, match=r"explodes even at \d+ substeps"):
+        simulation.start(swing(0.0), settle=0.5)
+    with pytest.raises(ValueRangeError, match="has not been started"):
+        _ = simulation.positions
+
+
+@pytest.mark.parametrize("given", [{"velocity": (math.nan, 0, 0)}, {"spin": (0, math.inf, 0)}, {"spin": (0, 0)}])
+def test_a_bad_velocity_or_spin_at_the_start_is_refused(given: dict):
+    with pytest.raises(ValueRangeError, match="at the start must be three finite numbers"):
+        Simulation(hanging()).start(swing(0.0), **given)
+
+
 def test_a_take_ends_before_the_frame_that_diverges():
     # The first step compiles, two more tell how long it will take.
     take = simulate_take(hanging(), swing_track(), solver=ExplodesAfter(frame=9), settle=0.0)

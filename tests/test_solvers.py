@@ -96,7 +96,10 @@ def digest(name: str, layout: str, threads: int) -> str:
     make = grid_cloth if layout == "grid" else mesh_cloth
     cloth = make(np.linspace(0, 0.6, 31), np.linspace(0, 0.6, 30), Fabric(bend=1e-4))
     ball = cape.Sphere(bone="rod", center=np.array([0.3, -0.06, -0.3]), radius=0.1)
-    scene = Scene(cloth, [attach(cloth, "rod", range(31))], [ball], wind=Wind(velocity=(0.0, -4.0, 0.0)))
+    slope = cape.Plane(point=np.array([0.0, -0.03, -0.5]), normal=np.array([0.1, 1.0, 0.2]))
+    block = cape.Box(center=np.array([0.1, -0.04, -0.2]), half_sizes=np.full(3, 0.05))
+    shapes = [ball, slope, block]
+    scene = Scene(cloth, [attach(cloth, "rod", range(31))], shapes, wind=Wind(velocity=(0.0, -4.0, 0.0)))
     simulation = Simulation(scene, solver=cape.solver(name), threads=threads)
     for frame in range(4):
         place = np.array([0.05 * np.sin(frame), 0.02 * frame, 0.0])

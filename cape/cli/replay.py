@@ -18,9 +18,11 @@ from cape.fabric import fabric
 from cape.record import LAYERS
 from cape.record.layers import check_layers
 from cape.simulate import SlowWarning, simulate
+from cape.simulation import Diverged
 from cape.solvers import solver
 from cape.take import Take
 from cape.wind import Wind
+from motions.errors import ValueRangeError
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,10 @@ def run(reading: Reading, cut: Cut, *, output: Path | None, layers: list[str] | 
     for decision in clip.decisions:
         console.print(f"{clip.name}: {decision}", style="dim", highlight=False, soft_wrap=True)
     with _told(console), _progress(console) as advance:
-        take = simulate(scene, track, solver=method, name=clip.name, progress=advance)
+        try:
+            take = simulate(scene, track, solver=method, name=clip.name, progress=advance)
+        except Diverged as error:
+            raise ValueRangeError(f"the cape can't be put on: {error}") from error
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         take.save(path, layers=layers)

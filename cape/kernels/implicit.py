@@ -144,15 +144,15 @@ def solve_stage(lo, hi, problem, b, team):
 
 @driver
 def largest_of_all(lo, hi, value, work, team):
-    """Largest of the values that the threads have."""
+    """Largest of the values that the threads have; a NaN is larger than all."""
     largest = work.largest
     largest[lo // CHUNK : (hi + CHUNK - 1) // CHUNK] = value
     meet(team)
     result = 0.0
     for chunk in range(largest.size):
-        # A NaN is larger than all.
-        if not largest[chunk] <= result:
-            result = largest[chunk]
+        if math.isnan(largest[chunk]):
+            return math.nan
+        result = max(result, largest[chunk])
     return result
 
 

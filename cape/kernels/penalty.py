@@ -15,6 +15,7 @@ import math
 from cape.kernels.bones import to_world
 from cape.kernels.contact import (
     BLOCK,
+    GRAZE,
     any_within,
     coefficient,
     count_behind,
@@ -96,7 +97,8 @@ def press_planes(lo, hi, planes, free, thickness, least, mass, rate, m, s, force
             nx = turn[0, 0] * n[0] + turn[0, 1] * n[1] + turn[0, 2] * n[2]
             ny = turn[1, 0] * n[0] + turn[1, 1] * n[1] + turn[1, 2] * n[2]
             nz = turn[2, 0] * n[0] + turn[2, 1] * n[1] + turn[2, 2] * n[2]
-            offset = ox * nx + oy * ny + oz * nz + thickness
+            # Rounding in single precision decides at most whether to look closer.
+            offset = ox * nx + oy * ny + oz * nz + thickness + GRAZE
             if count_behind(s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], dtype(nx), dtype(ny), dtype(nz), dtype(offset)) == 0:
                 continue
             for i in range(lo, hi):

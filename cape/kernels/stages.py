@@ -150,8 +150,11 @@ def subtract_inertia(rate, gx, gy, gz, free, mass, ut, vt, wt, vx, vy, vz, fx, f
 
 @driver
 def longest(d, lo, hi):
-    """Length of the longest of the vectors lo to hi [m]."""
+    """Length of the longest of the vectors lo to hi [m]; a NaN is longer than all."""
     squared = 0.0
     for i in range(lo, hi):
-        squared = max(squared, d[0, i] * d[0, i] + d[1, i] * d[1, i] + d[2, i] * d[2, i])
+        value = d[0, i] * d[0, i] + d[1, i] * d[1, i] + d[2, i] * d[2, i]
+        if math.isnan(value):
+            return math.nan
+        squared = max(squared, value)
     return math.sqrt(squared)

@@ -297,5 +297,6 @@ def matrix_of(assembly: Assembly, model: ForceModel, dtype: type[np.floating]) -
 def _penalty(assembly: Assembly, dtype: type[np.floating]) -> Penalty:
     """Contact that the weight of the whole cloth on a single vertex presses in by a tenth of the thickness."""
     count, thickness = assembly.cloth.vertices, assembly.scene.thickness
-    least = 9.81 * float(assembly.mass.sum()) / (PRESSED * max(thickness, 1e-4))
+    gravity = max(float(np.linalg.norm(assembly.scene.gravity)), 1.0)
+    least = gravity * float(assembly.mass.sum()) / (PRESSED * max(thickness, 1e-4))
     return Penalty(np.full(count, least, dtype), np.zeros((3, count), dtype), np.zeros((6, count), dtype))
