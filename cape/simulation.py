@@ -128,7 +128,7 @@ class Simulation:
 
         Raises:
             UnknownNameError: a bone's pose is missing.
-            ValueRangeError: a pose, velocity or spin isn't finite, the cape can't be put on, or two bones hold a vertex.
+            ValueRangeError: a pose, velocity or spin isn't finite, the cape can't be put on, or a vertex is held twice.
             Diverged: the cloth explodes while it settles.
         """
         moving, turning = _vector(velocity, "velocity"), _vector(spin, "spin")
