@@ -197,6 +197,13 @@ def test_what_a_scene_lacks_is_not_in_its_code(feature: str):
     assert marker in compiled(Scene(cloth, **present))
 
 
+def test_friction_that_no_collider_has_is_not_in_the_code():
+    cloth = grid_cloth([0, 0.1, 0.2], [0, 0.1, 0.2], Fabric())
+    smooth, rough = (compiled(Scene(cloth, colliders=[cape.Sphere()], friction=mu)) for mu in (0.0, 0.3))
+    # A root for the speed at which a vertex slides, each time that one leaves a capsule.
+    assert smooth.count("@llvm.sqrt.f64(") < rough.count("@llvm.sqrt.f64(")
+
+
 # -- time --
 
 
