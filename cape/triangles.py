@@ -60,8 +60,9 @@ def check_mesh(positions: ArrayLike, triangles: ArrayLike, pattern: ArrayLike | 
             with the warp threads of each triangle as vertical as its plane allows, along -X where it is level.
 
     Raises:
-        ValueRangeError: a shape is wrong, a number is not finite, an index is outside, a triangle has no area or is
-            there twice, an edge belongs to more than two triangles, or a vertex to none.
+        ValueRangeError: a shape is wrong, a number is not finite, an index is outside, a triangle has no area, is there
+            twice or starts with two corners at one place, an edge belongs to more than two triangles, or a vertex to
+            none.
     """
     points = _finite(positions, "positions", 3)
     faces = _array(triangles, "triangles")
@@ -83,6 +84,7 @@ def check_mesh(positions: ArrayLike, triangles: ArrayLike, pattern: ArrayLike | 
     if (empty := areas(corners) <= THINNEST * longest**2).any():
         first = int(np.flatnonzero(empty)[0])
         raise ValueRangeError(f"triangle {first} with vertices {_listed(faces[first])} has no area")
+    _check_places(faces, points)
     _check_edges(faces)
     return Mesh(points, faces, flat, corners)
 
@@ -175,6 +177,16 @@ def _check_indices(faces: IntArray, vertices: int) -> None:
     used = np.bincount(faces.ravel(), minlength=vertices) > 0
     if not used.all():
         raise ValueRangeError(f"vertex {np.flatnonzero(~used)[0]} belongs to no triangle")
+
+
+def _check_places(faces: IntArray, points: FloatArray) -> None:
+    ahead = np.roll(faces, -1, axis=1)
+    together = (points[faces] == points[ahead]).all(axis=2)
+    if together.any():
+        first, corner = np.argwhere(together)[0]
+        raise ValueRangeError(
+            f"vertices {faces[first, corner]} and {ahead[first, corner]} of triangle {first} start at the same place"
+        )
 
 
 def _check_edges(faces: IntArray) -> None:

@@ -216,3 +216,9 @@ def test_ragged_rows_are_refused_by_name():
         Cloth.from_mesh([[0, 0, 0], [1, 0, 0], [0, 1]], [[0, 1, 2]])  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueRangeError, match="triangles are not rows of equally many numbers"):
         Cloth.from_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 1]])  # pyright: ignore[reportArgumentType]
+
+
+def test_corners_that_start_at_one_place_are_refused():
+    flat = [[0, 0], [1, 0], [0, 1]]
+    with pytest.raises(ValueRangeError, match="vertices 2 and 0 of triangle 0 start at the same place"):
+        Cloth.from_mesh([[0, 0, 0], [1, 0, 0], [0, 0, 0]], [[0, 1, 2]], pattern=flat)
