@@ -75,7 +75,7 @@ def aim(lo, hi, s, attached, m, step):
 @driver
 def xpbd_frame(
     s, grid, mesh, damping, bend_damping, model, inertia, forces, room, motion, m, attached,
-    free, thickness, capsules, planes, boxes, substeps, iterations, duration, team,
+    free, thickness, capsules, planes, boxes, iterations, substeps, duration, team,
 ):  # fmt: skip
     """Advance the state `s` by `duration` [s] in `substeps` steps of `iterations` sweeps over all constraints.
 

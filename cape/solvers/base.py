@@ -1,13 +1,15 @@
 """What every solver is."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from cape import team
 from cape.assemble import Assembly
-from cape.kernels.records import Motion, State
+from cape.kernels.records import Motion, State, Team
 from motions.errors import ValueRangeError
 
 
@@ -47,7 +49,15 @@ class Solver(ABC):
     def choose_substeps(self, room: Any, duration: float) -> int:
         """Number of steps in a frame of `duration` [s]."""
 
+    @property
     @abstractmethod
+    def _frame(self) -> Callable[..., Any]:
+        """The compiled function that advances a frame, called with `_arguments`, substeps, duration [s] and team."""
+
+    @abstractmethod
+    def _arguments(self, assembly: Assembly, room: Any, rank: int, state: State, motion: Motion) -> tuple[Any, ...]:
+        """What the thread of that rank passes to `_frame` first."""
+
     def step(
         self,
         assembly: Assembly,
@@ -66,3 +76,10 @@ class Solver(ABC):
         Returns:
             How many solves within the frame did not reach the solver's tolerance, 0 for explicit methods.
         """
+
+        def arguments(member: Team | None) -> tuple[Any, ...]:
+            rank = 0 if member is None else member.rank
+            return (*self._arguments(assembly, room, rank, state, motion), substeps, duration, member)
+
+        team.run(self._frame, arguments, threads)
+        return 0

@@ -1,18 +1,18 @@
 """Symplectic Euler: v += dt a, then x += dt v with the new v."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cape import team
 from cape.assemble import Assembly, force_model, force_scratch, inertia_of
 from cape.cloth import GridCloth
 from cape.kernels.euler import euler_frame
 from cape.kernels.grid import GridRoom
-from cape.kernels.records import ForceModel, Inertia, Motion, State, Team
+from cape.kernels.records import ForceModel, Inertia, Motion, State
 from cape.solvers.base import Solver
 from cape.stability import largest_step
 from motions.errors import ValueRangeError
@@ -81,29 +81,18 @@ class SymplecticEuler(Solver):
             return self.substeps
         return max(1, math.ceil(duration / (self.margin * room.stable_step)))
 
-    def step(
-        self,
-        assembly: Assembly,
-        room: EulerRoom,
-        state: State,
-        motion: Motion,
-        *,
-        duration: float,
-        substeps: int,
-        threads: int = 1,
-    ) -> int:
-        """Advance `state` in place by a frame of `duration` [s]."""
+    @property
+    def _frame(self) -> Callable[..., Any]:
+        return euler_frame
 
-        def arguments(member: Team | None) -> tuple:
-            rank = 0 if member is None else member.rank
-            own = assembly.ranks[rank]
-            return (
-                state, room.model, room.inertia, room.forces, room.scratch[rank], motion, own.room,
-                assembly.attached, *own.contacts, substeps, duration, member,
-            )  # fmt: skip
-
-        team.run(euler_frame, arguments, threads)
-        return 0
+    def _arguments(
+        self, assembly: Assembly, room: EulerRoom, rank: int, state: State, motion: Motion
+    ) -> tuple[Any, ...]:
+        own = assembly.ranks[rank]
+        return (
+            state, room.model, room.inertia, room.forces, room.scratch[rank], motion, own.room,
+            assembly.attached, *own.contacts,
+        )  # fmt: skip
 
 
 def _stable_step(assembly: Assembly) -> float:

@@ -1,7 +1,6 @@
 """Implicit solvers for what explicit steps cannot reach: backward Euler and TR-BDF2."""
 
 import math
-from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
@@ -9,16 +8,16 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape import team
 from cape.assemble import Assembly, force_model, force_scratch, inertia_of
 from cape.cloth import GridCloth
 from cape.kernels.conjugate import CHUNK
 from cape.kernels.grid import GridRoom
-from cape.kernels.implicit import backward_euler_frame, tr_bdf2_frame
-from cape.kernels.records import Attached, Contacts, ForceModel, Inertia, Motion, MotionRoom, State, Team
+from cape.kernels.implicit import UNSOLVED, backward_euler_frame, tr_bdf2_frame
+from cape.kernels.records import Attached, Contacts, ForceModel, Inertia, Motion, MotionRoom, State
 from cape.solvers.base import Solver
 from motions.errors import ValueRangeError
 
+SUBSTEPS = 8  # per frame at 60 Hz, where none are asked for
 PRESSED = 0.1  # of the thickness
 INNER = np.float32  # precision of the linear systems, whose solutions the next Newton step corrects
 Array = NDArray[np.floating]
@@ -142,16 +141,6 @@ class ImplicitSolver(Solver):
             if getattr(self, name) < 1:
                 raise ValueRangeError(f"{name} must be 1 or more, not {getattr(self, name)}")
 
-    @property
-    @abstractmethod
-    def _frame(self) -> Callable[..., Any]:
-        """The compiled function that advances a frame."""
-
-    @property
-    @abstractmethod
-    def _steps(self) -> int:
-        """Steps in a frame of a 60th of a second where none are asked for."""
-
     def init(self, assembly: Assembly) -> ImplicitRoom:
         """Lay out the matrix and the room for its products."""
         dtype, count, inner = self.dtype(assembly), assembly.cloth.vertices, INNER
@@ -183,8 +172,8 @@ class ImplicitSolver(Solver):
         )
 
     def choose_substeps(self, room: ImplicitRoom, duration: float) -> int:
-        """Number of steps in a frame of `duration` [s]: as asked, or in proportion to those at 60 Hz."""
-        return self.substeps or max(1, math.ceil(self._steps * 60.0 * duration - 1e-6))
+        """Number of steps in a frame of `duration` [s]: as asked, or in proportion to 8 at 60 Hz."""
+        return self.substeps or max(1, math.ceil(SUBSTEPS * 60.0 * duration - 1e-6))
 
     def step(
         self,
@@ -203,19 +192,20 @@ class ImplicitSolver(Solver):
             How many stages were left with a correction above the tolerance.
         """
         room.counts[:] = 0
-        settings = Settings(self.tolerance, self.iterations, self.forcing, self.linear_iterations)
+        super().step(assembly, room, state, motion, duration=duration, substeps=substeps, threads=threads)
+        return int(room.counts[0, UNSOLVED])
 
-        def arguments(member: Team | None) -> tuple:
-            rank = 0 if member is None else member.rank
-            own = assembly.ranks[rank]
-            problem = Problem(
+    def _arguments(
+        self, assembly: Assembly, room: ImplicitRoom, rank: int, state: State, motion: Motion
+    ) -> tuple[Problem]:
+        own = assembly.ranks[rank]
+        settings = Settings(self.tolerance, self.iterations, self.forcing, self.linear_iterations)
+        return (
+            Problem(
                 state, room.model, room.inertia, room.scratch[rank], room.matrix, room.works[rank], settings,
                 room.counts[rank], motion, own.room, assembly.attached, own.contacts, room.penalty,
-            )  # fmt: skip
-            return problem, substeps, duration, member
-
-        team.run(self._frame, arguments, threads)
-        return int(room.counts[0, 0])
+            ),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,10 +217,6 @@ class BackwardEuler(ImplicitSolver):
     @property
     def _frame(self) -> Callable[..., Any]:
         return backward_euler_frame
-
-    @property
-    def _steps(self) -> int:
-        return 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,10 +234,6 @@ class TRBDF2(ImplicitSolver):
     @property
     def _frame(self) -> Callable[..., Any]:
         return tr_bdf2_frame
-
-    @property
-    def _steps(self) -> int:
-        return 8
 
 
 def matrix_of(assembly: Assembly, model: ForceModel, dtype: type[np.floating]) -> Matrix:

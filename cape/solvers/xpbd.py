@@ -1,12 +1,12 @@
 """XPBD: position-based dynamics with compliance, solved constraint by constraint in small steps."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cape import team
 from cape.assemble import Assembly, force_model, force_scratch, inertia_of
 from cape.cloth import GridCloth
 from cape.coloring import by_color
@@ -19,7 +19,6 @@ from cape.kernels.records import (
     MeshConstraints,
     Motion,
     State,
-    Team,
 )
 from cape.kernels.xpbd import xpbd_frame
 from cape.solvers.base import Solver
@@ -99,30 +98,18 @@ class XPBD(Solver):
         """Number of steps in a frame of `duration` [s]: as asked, or in proportion to 40 at 60 Hz."""
         return self.substeps or max(1, round(SUBSTEPS * 60.0 * duration))
 
-    def step(
-        self,
-        assembly: Assembly,
-        room: XpbdRoom,
-        state: State,
-        motion: Motion,
-        *,
-        duration: float,
-        substeps: int,
-        threads: int = 1,
-    ) -> int:
-        """Advance `state` in place by a frame of `duration` [s]."""
+    @property
+    def _frame(self) -> Callable[..., Any]:
+        return xpbd_frame
 
-        def arguments(member: Team | None) -> tuple:
-            rank = 0 if member is None else member.rank
-            own = assembly.ranks[rank]
-            return (
-                state, room.grid, room.mesh, room.damping, room.bend_damping, room.air, room.inertia, room.forces,
-                room.scratch[rank], motion, own.room, assembly.attached, *own.contacts, substeps, self.iterations,
-                duration, member,
-            )  # fmt: skip
-
-        team.run(xpbd_frame, arguments, threads)
-        return 0
+    def _arguments(
+        self, assembly: Assembly, room: XpbdRoom, rank: int, state: State, motion: Motion
+    ) -> tuple[Any, ...]:
+        own = assembly.ranks[rank]
+        return (
+            state, room.grid, room.mesh, room.damping, room.bend_damping, room.air, room.inertia, room.forces,
+            room.scratch[rank], motion, own.room, assembly.attached, *own.contacts, self.iterations,
+        )  # fmt: skip
 
     def _grid(self, assembly: Assembly, cloth: GridCloth, dtype: type[np.floating]) -> GridConstraints:
         families, weights, columns = assembly.springs.families, assembly.inverse_mass, cloth.columns
