@@ -4,7 +4,9 @@ Measured from the take's positions alone, with distances of its own (`cape.solid
 enters into it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -55,7 +57,12 @@ class Penetration:
 
 
 def penetration(
-    take: Take, *, frames: ArrayLike | None = None, spacing: float = SPACING, counted: ArrayLike | None = None
+    take: Take,
+    *,
+    frames: ArrayLike | None = None,
+    spacing: float = SPACING,
+    counted: ArrayLike | None = None,
+    margin: float = 0.0,
 ) -> Penetration:
     """Measure the deepest penetration of each frame.
 
@@ -69,15 +76,20 @@ def penetration(
         spacing: largest distance of neighbouring samples of a face [m].
         counted: which vertices count, shape (V,), such as those that no bone holds; None for all. A face counts where
             all of its corners do.
+        margin: by how much the colliders are grown [m]: with the scene's thickness, how deep the cloth is in the skin
+            that they should keep clear.
 
     Raises:
-        ValueRangeError: the spacing is not positive, a frame is outside of the take, or `counted` has a wrong shape.
+        ValueRangeError: the spacing is not positive, the margin is negative, a frame is outside of the take, or
+            `counted` has a wrong shape.
     """
     if not 0.0 < spacing < float("inf"):
         raise ValueRangeError(f"the spacing of samples must be positive and finite, not {spacing}")
+    if not 0.0 <= margin < float("inf"):
+        raise ValueRangeError(f"the margin must be zero or more and finite, not {margin}")
     chosen, counting = _frames(take, frames), _counted(take, counted)
     vertices, faces = _blank(len(chosen)), _blank(len(chosen))
-    solids = _Solids(take)
+    solids = _Solids(take, margin)
     triangles = np.flatnonzero(counting[take.triangles].all(axis=1))
     vertex_indices = np.flatnonzero(counting)
     for row, frame in enumerate(chosen):
@@ -88,9 +100,8 @@ def penetration(
         corners = points[take.triangles[triangles]]
         sample = _FaceSampler(corners, spacing)
         for c in near:
-            _deepen(vertices, row, c, vertex_indices, -solids.distance(c, frame, points[counting]))
-            threshold = faces.depth[row]
-            depth, face = sample.deepest(lambda at, c=c, frame=frame: -solids.distance(c, frame, at), threshold)
+            _deepen(vertices, row, c, vertex_indices, solids.depth(c, frame, points[counting]))
+            depth, face = sample.deepest(partial(solids.depth, c, frame), faces.depth[row])
             _deepen(faces, row, c, triangles[face : face + 1], np.array([depth] if face >= 0 else []))
     return Penetration(chosen, vertices, faces)
 
@@ -151,7 +162,8 @@ def _entered(solid: Collider, before: FloatArray, now: FloatArray) -> int:
 class _Solids:
     """The colliders of a take, where its bones have them."""
 
-    def __init__(self, take: Take) -> None:
+    def __init__(self, take: Take, margin: float = 0.0) -> None:
+        self._margin = margin
         track = take.bones
         self._solids = take.colliders
         bones = [None if c.bone is None else track.index(c.bone) for c in take.colliders]
@@ -168,15 +180,15 @@ class _Solids:
         positions, bone_to_world = place
         return (points - positions[frame]) @ bone_to_world[frame]
 
-    def distance(self, collider: int, frame: int, points: FloatArray) -> FloatArray:
-        """Signed distances of points in the world (N, 3) [m], shape (N,)."""
-        return signed_distance(self._solids[collider], self.in_bone(collider, frame, points))
+    def depth(self, collider: int, frame: int, points: FloatArray) -> FloatArray:
+        """Depths of points in the world (N, 3) [m] in a collider grown by the margin, shape (N,)."""
+        return self._margin - signed_distance(self._solids[collider], self.in_bone(collider, frame, points))
 
     def within_reach(self, frame: int, points: FloatArray) -> list[int]:
         """Colliders that touch the sphere around all points."""
         middle = points.mean(axis=0)
         reach = float(np.linalg.norm(points - middle, axis=1).max())
-        return [c for c in range(len(self._solids)) if self.distance(c, frame, middle[None])[0] < reach]
+        return [c for c in range(len(self._solids)) if self.depth(c, frame, middle[None])[0] > -reach]
 
 
 class _FaceSampler:
@@ -189,7 +201,7 @@ class _FaceSampler:
         longest = np.sqrt(np.square(corners - np.roll(corners, 1, axis=1)).sum(axis=2).max(axis=1))
         self._divisions = DIVISION_CLASS * np.maximum(1, np.ceil(longest / spacing / DIVISION_CLASS).astype(np.int64))
 
-    def deepest(self, depth_at, least: float) -> tuple[float, int]:
+    def deepest(self, depth_at: Callable[[FloatArray], FloatArray], least: float) -> tuple[float, int]:
         """Give the deepest sample and its triangle, -1 where none is deeper than `least` [m].
 
         `depth_at` gives depths of points (N, 3) [m]. As a depth changes no faster than the point moves, no triangle

@@ -310,7 +310,15 @@ def test_what_does_not_count_is_left_out():
     assert (free.vertices.index[0], free.faces.index[0]) == (3, 1)
 
 
-@pytest.mark.parametrize("options", [{"spacing": 0.0}, {"frames": [3]}, {"frames": [0.5]}, {"counted": [1, 1, 1]}])
+def test_a_margin_grows_the_solids():
+    take = take_of(raised(0.104), [0, 1, 2], [Sphere(radius=RADIUS), Plane(normal=np.array([0.0, 0.0, 1.0]))])
+    assert penetration(take).faces.depth[0] == 0.0
+    assert penetration(take, margin=0.005).faces.depth[0] == pytest.approx(0.001, abs=CURVED + SINGLE)
+
+
+@pytest.mark.parametrize(
+    "options", [{"spacing": 0.0}, {"margin": -1.0}, {"frames": [3]}, {"frames": [0.5]}, {"counted": [1, 1, 1]}]
+)
 def test_nonsense_is_refused(options: dict):
     with pytest.raises(ValueRangeError):
         penetration(take_of(WIDE, [0, 1, 2], []), **options)
