@@ -12,10 +12,10 @@ from cape.bench.plain import AIM_MS, Plain, measure_plain
 from cape.bench.plan import Plan
 from cape.bench.rows import Case, Row, measure
 from cape.bench.sheets import LAYOUTS
+from cape.solvers import SOLVERS
 from cape.team import available_cores
 
 PRECISIONS = ("single", "double")
-DEFAULT_PRECISION = {"euler": "single", "xpbd": "single", "backward_euler": "double", "tr_bdf2": "double"}
 LINEAR = 1.25  # times the cost per vertex of a small cloth: beyond it cost no longer grows linearly
 SMALL = 1_500  # vertices, of that cloth
 
@@ -94,7 +94,9 @@ def solver_cases(plan: Plan) -> list[Case]:
         for vertices in plan.table
         for solver in plan.solvers
         for layout in LAYOUTS
-        for precision in (PRECISIONS if solver == "euler" or plan.all_precisions else (DEFAULT_PRECISION[solver],))
+        for precision in (
+            PRECISIONS if solver == "euler" or plan.all_precisions else (SOLVERS[solver].usual_precision,)
+        )
     ]
 
 
@@ -105,7 +107,7 @@ def vertices_cases(plan: Plan) -> list[Case]:
         *(Case("euler", "grid", "single", vertices) for vertices in plan.vertices),
         *(Case("euler", "mesh", "single", vertices) for vertices in plan.mesh_vertices),
         *(
-            Case(solver, "grid", DEFAULT_PRECISION[solver], vertices)
+            Case(solver, "grid", SOLVERS[solver].usual_precision, vertices)
             for solver in others
             for vertices in plan.other_vertices
         ),

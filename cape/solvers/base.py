@@ -12,6 +12,8 @@ from cape.assemble import Assembly
 from cape.kernels.records import Motion, State, Team
 from motions.errors import ValueRangeError
 
+Precision = Literal["single", "double"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Solver(ABC):
@@ -20,11 +22,13 @@ class Solver(ABC):
     Attributes:
         substeps: steps in each frame, None to let the solver choose.
         precision: of the cloth's positions and velocities; None to let the solver choose.
+        usual_precision: what it chooses, unless a scene needs another.
     """
 
     name: ClassVar[str]
+    usual_precision: ClassVar[Precision]
     substeps: int | None = None
-    precision: Literal["single", "double"] | None = None
+    precision: Precision | None = None
 
     def __post_init__(self) -> None:
         """Check the settings.
@@ -38,8 +42,8 @@ class Solver(ABC):
             raise ValueRangeError(f"precision must be single or double, not {self.precision!r}")
 
     def dtype(self, assembly: Assembly) -> type[np.floating]:
-        """The precision for a scene, as a numpy type: double unless single is asked for."""
-        return np.float32 if self.precision == "single" else np.float64
+        """The precision for a scene, as a numpy type: as asked, or the usual one."""
+        return np.float32 if (self.precision or self.usual_precision) == "single" else np.float64
 
     @abstractmethod
     def init(self, assembly: Assembly) -> Any:

@@ -13,7 +13,7 @@ from cape.cloth import GridCloth
 from cape.kernels.euler import euler_frame
 from cape.kernels.grid import GridRoom
 from cape.kernels.records import ForceModel, Inertia, Motion, State
-from cape.solvers.base import Solver
+from cape.solvers.base import Precision, Solver
 from cape.stability import largest_step
 from motions.errors import ValueRangeError
 
@@ -46,6 +46,7 @@ class SymplecticEuler(Solver):
     """
 
     name: ClassVar[str] = "euler"
+    usual_precision: ClassVar[Precision] = "single"
     margin: float = 0.9
 
     def __post_init__(self) -> None:
@@ -60,8 +61,8 @@ class SymplecticEuler(Solver):
 
     def dtype(self, assembly: Assembly) -> type[np.floating]:
         """The precision for a scene, as a numpy type."""
-        if self.precision is None:
-            return np.float32 if self.margin * _stable_step(assembly) > SHORTEST_SINGLE_STEP else np.float64
+        if self.precision is None and self.margin * _stable_step(assembly) <= SHORTEST_SINGLE_STEP:
+            return np.float64
         return super().dtype(assembly)
 
     def init(self, assembly: Assembly) -> EulerRoom:

@@ -14,7 +14,7 @@ from cape.kernels.conjugate import CHUNK
 from cape.kernels.grid import GridRoom
 from cape.kernels.implicit import UNSOLVED, backward_euler_frame, tr_bdf2_frame
 from cape.kernels.records import Attached, Contacts, ForceModel, Inertia, Motion, MotionRoom, State
-from cape.solvers.base import Solver
+from cape.solvers.base import Precision, Solver
 from motions.errors import ValueRangeError
 
 SUBSTEPS = 8  # per frame at 60 Hz, where none are asked for
@@ -121,6 +121,7 @@ class ImplicitSolver(Solver):
         linear_iterations: of the conjugate gradients, at most in a Newton step.
     """
 
+    usual_precision: ClassVar[Precision] = "double"
     tolerance: float = 1e-6
     iterations: int = 40
     forcing: float = 0.1

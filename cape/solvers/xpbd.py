@@ -21,7 +21,7 @@ from cape.kernels.records import (
     State,
 )
 from cape.kernels.xpbd import xpbd_frame
-from cape.solvers.base import Solver
+from cape.solvers.base import Precision, Solver
 from motions.errors import ValueRangeError
 
 Array = NDArray[np.floating]
@@ -58,6 +58,7 @@ class XPBD(Solver):
     """
 
     name: ClassVar[str] = "xpbd"
+    usual_precision: ClassVar[Precision] = "single"
     iterations: int = 1
 
     def __post_init__(self) -> None:
@@ -69,10 +70,6 @@ class XPBD(Solver):
         super().__post_init__()
         if self.iterations < 1:
             raise ValueRangeError(f"iterations must be 1 or more, not {self.iterations}")
-
-    def dtype(self, assembly: Assembly) -> type[np.floating]:
-        """The precision for a scene, as a numpy type: single unless double is asked for."""
-        return np.float64 if self.precision == "double" else np.float32
 
     def init(self, assembly: Assembly) -> XpbdRoom:
         """Turn springs into constraints: by family on a grid, by colour on a mesh."""
