@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from cape.kernels.absent import typed
 from cape.kernels.jit import driver, inlined, kernel
 
 LANES = 16  # floats in a vector; stores of a tile start on its border
@@ -65,7 +66,7 @@ def grid_forces(
     reach = columns + 1
     tile = tile_size(columns)
     to = round_up(reach)
-    damping, bend_damping = in_precision(damping, s.x), in_precision(bend_damping, s.x)
+    damping, bend_damping = typed(damping, s.x), typed(bend_damping, s.x)
     # What arrives from vertices before lo, where there are any.
     start = max(lo - reach, 0)
     clear(np.uint64(to - reach), np.uint64(reach), room.fluxes)
@@ -91,14 +92,6 @@ def tile_size(columns):
 def round_up(count):
     """The next multiple of a vector's length."""
     return (count + LANES - 1) // LANES * LANES
-
-
-@driver
-def in_precision(value, array):
-    """A number in an array's precision; None stays None."""
-    if value is None:
-        return None
-    return array.dtype.type(value)
 
 
 @inlined

@@ -5,6 +5,7 @@ links, some of them of negative weight. `coefficients` has the rows wx, wy, wz, 
 BLOCK); `ends` is room for what each link keeps for its other end, laid out as the forces there.
 """
 
+from cape.kernels.absent import row
 from cape.kernels.jit import driver, inlined, kernel
 from cape.kernels.linearise import linearised
 from cape.kernels.mesh import BLOCK, ENDS, collect
@@ -20,7 +21,8 @@ def linearise_links(
         start = block * BLOCK
         own_x, own_y, own_z = x[start:], y[start:], z[start:]
         for d in range(second.shape[1]):
-            others, k, rests, bends = second[block, d], stiffness[block, d], rest[block, d], row(weight, block, d)
+            others, k, rests = second[block, d], stiffness[block, d], rest[block, d]
+            bends = row(row(weight, block), d)
             w = coefficients[block, d]
             for i in range(min(BLOCK, hi - start)):
                 j = others[i]
@@ -28,14 +30,6 @@ def linearise_links(
                     x[j] - own_x[i], y[j] - own_y[i], z[j] - own_z[i], k[i], rests[i], stretched, tiny
                 )
                 w[3, i] = spring + bend_of(bends, i, bend_scale)
-
-
-@inlined
-def row(table, block, d):
-    """Row d of a block, None of None."""
-    if table is None:
-        return None
-    return table[block, d]
 
 
 @inlined

@@ -4,12 +4,12 @@ Velocities are the unknowns, as `xpbd_formulas` tells: predicted from external f
 used once to advance the positions.
 """
 
+from cape.kernels.absent import typed
 from cape.kernels.bones import move_bones, start_motion, to_world
 from cape.kernels.forces import compute_forces
 from cape.kernels.frame import collide
 from cape.kernels.jit import driver, kernel
 from cape.kernels.team import meet, span
-from cape.kernels.xpbd_formulas import typed
 from cape.kernels.xpbd_grid import prepare_grid, solve_grid
 from cape.kernels.xpbd_mesh import prepare_mesh, solve_mesh
 

@@ -107,30 +107,6 @@ def draw_to_middle(k, i, j, l, time, gain, slack, impulse, w0, w1, w2, p0, p1, p
 
 
 @inlined
-def typed(number, array):
-    """A number in the precision of an array; None stays None."""
-    if number is None:
-        return None
-    return array.dtype.type(number)
-
-
-@inlined
-def part(values, lo, hi):
-    """A view of lo to hi; None stays None."""
-    if values is None:
-        return None
-    return values[lo:hi]
-
-
-@inlined
-def row(values, index):
-    """A row of an array; None stays None."""
-    if values is None:
-        return None
-    return values[index]
-
-
-@inlined
 def unsigned(number):
     """An index that can't be negative: signed ones that do not start at 0 keep a loop scalar."""
     return np.uint64(number)

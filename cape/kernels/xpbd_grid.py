@@ -9,19 +9,10 @@ Threads share the places k. Three phases, between which they meet, keep each ver
 within the rows of a place; from hand 2 to hand 0 of the next place; from hand 2 to hands 0 and 1 of the next.
 """
 
+from cape.kernels.absent import part, row, typed
 from cape.kernels.jit import driver, kernel
 from cape.kernels.team import meet
-from cape.kernels.xpbd_formulas import (
-    TINY,
-    draw_to_middle,
-    forget,
-    part,
-    pull_together,
-    row,
-    set_gains,
-    typed,
-    unsigned,
-)
+from cape.kernels.xpbd_formulas import TINY, draw_to_middle, forget, pull_together, set_gains, unsigned
 
 
 @kernel

@@ -4,9 +4,10 @@ Threads share each colour and meet after it. Within a colour the loop stays scal
 contiguous scratch, so that square roots and divisions vectorise, gains nothing that fetching them twice does not cost.
 """
 
+from cape.kernels.absent import part, row, typed
 from cape.kernels.jit import driver, inlined, kernel
 from cape.kernels.team import meet
-from cape.kernels.xpbd_formulas import TINY, change_of, forget, part, pull_together, row, set_gains, typed
+from cape.kernels.xpbd_formulas import TINY, change_of, forget, pull_together, set_gains
 
 
 @kernel
