@@ -32,10 +32,16 @@ def span(n, team):
     """
     if team is None:
         return 0, n
-    blocks = (n + BLOCK - 1) // BLOCK
-    lo = team.rank * blocks // team.size * BLOCK
-    hi = (team.rank + 1) * blocks // team.size * BLOCK
-    return min(lo, n), min(hi, n)
+    first, last = share(0, (n + BLOCK - 1) // BLOCK, team)
+    return min(first * BLOCK, n), min(last * BLOCK, n)
+
+
+@inlined
+def share(lo, hi, team):
+    """What of lo to hi is this rank's; it may be nothing."""
+    if team is None:
+        return lo, hi
+    return lo + team.rank * (hi - lo) // team.size, lo + (team.rank + 1) * (hi - lo) // team.size
 
 
 @driver

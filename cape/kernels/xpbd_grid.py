@@ -11,7 +11,7 @@ within the rows of a place; from hand 2 to hand 0 of the next place; from hand 2
 
 from cape.kernels.absent import part, row, typed
 from cape.kernels.jit import driver, kernel
-from cape.kernels.team import meet
+from cape.kernels.team import meet, share
 from cape.kernels.xpbd_formulas import TINY, draw_to_middle, forget, pull_together, set_gains, unsigned
 
 
@@ -35,7 +35,7 @@ def deal(first, last, columns, x, y, z, vx, vy, vz, positions, velocities):
 
 
 @kernel
-def collect(first, last, columns, velocities, vx, vy, vz):
+def hand_back(first, last, columns, velocities, vx, vy, vz):
     """Copy the velocities of places first to last back from the three hands."""
     width = unsigned(columns)
     rows = vx.size // columns
@@ -98,10 +98,7 @@ def bend_between(time, gain, slack, impulse, w0, w1, w2, p0, p1, p2, v0, v1, v2)
 @driver
 def grid_places(columns, vertices, team):
     """First place of this thread and the one after its last, of one place for each three rows."""
-    places = (vertices // columns + 2) // 3
-    if team is None:
-        return 0, places
-    return team.rank * places // team.size, (team.rank + 1) * places // team.size
+    return share(0, (vertices // columns + 2) // 3, team)
 
 
 @driver
@@ -230,4 +227,4 @@ def solve_grid(s, c, iterations, step, damping, bend_damping, team):
         if end > lo:
             bend_rows(c.bend_down, 2, lo, end, 0, columns, 1, columns, c, bend_time)
         meet(team)
-    collect(first, last, columns, c.velocities, s.vx, s.vy, s.vz)
+    hand_back(first, last, columns, c.velocities, s.vx, s.vy, s.vz)

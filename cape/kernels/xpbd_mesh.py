@@ -6,7 +6,7 @@ contiguous scratch, so that square roots and divisions vectorise, gains nothing 
 
 from cape.kernels.absent import part, row, typed
 from cape.kernels.jit import driver, inlined, kernel
-from cape.kernels.team import meet
+from cape.kernels.team import meet, share
 from cape.kernels.xpbd_formulas import TINY, change_of, forget, pull_together, set_gains
 
 
@@ -45,14 +45,6 @@ def bend_one(k, vertices, coefficients, time, gain, slack, impulse, w, p, v):
     v[d] = vd - change * cd * w[d]
 
 
-@inlined
-def share_of(lo, hi, team):
-    """What of lo to hi is this thread's."""
-    if team is None:
-        return lo, hi
-    return lo + team.rank * (hi - lo) // team.size, lo + (team.rank + 1) * (hi - lo) // team.size
-
-
 @driver
 def prepare_mesh(c, step, damping, bend_damping, team):
     """Set all gains for a step; nothing at all where `c` is None."""
@@ -68,7 +60,7 @@ def prepare_list(constraints, step, damping, team):
     """Set this thread's share of the gains of some constraints."""
     if constraints is not None:
         time = step if damping is None else step + damping
-        lo, hi = share_of(0, constraints.gain.size, team)
+        lo, hi = share(0, constraints.gain.size, team)
         set_gains(
             step, time, constraints.stiffness[lo:hi], constraints.mobility[lo:hi], constraints.gain[lo:hi],
             part(constraints.slack, lo, hi),
@@ -79,7 +71,7 @@ def prepare_list(constraints, step, damping, team):
 def forget_list(constraints, team):
     """Set this thread's share of the impulses to zero, where they are kept at all."""
     if constraints is not None:
-        lo, hi = share_of(0, constraints.gain.size, team)
+        lo, hi = share(0, constraints.gain.size, team)
         forget(constraints.impulse, lo, hi)
 
 
@@ -87,7 +79,7 @@ def forget_list(constraints, team):
 def stretch_colours(first, second, starts, springs, step, damping, w, s, team):
     """Go through all springs, colour by colour."""
     for colour in range(starts.size - 1):
-        lo, hi = share_of(starts[colour], starts[colour + 1], team)
+        lo, hi = share(starts[colour], starts[colour + 1], team)
         stretch_listed(
             first[lo:hi], second[lo:hi], step, damping, typed(TINY, s.x), springs.gain[lo:hi], springs.rest[lo:hi],
             part(springs.slack, lo, hi), part(springs.impulse, lo, hi), w, s.x, s.y, s.z, s.vx, s.vy, s.vz,
@@ -100,7 +92,7 @@ def bend_colours(vertices, coefficients, starts, bends, time, w, s, team):
     """Go through all bend constraints, colour by colour."""
     if bends is not None:
         for colour in range(starts.size - 1):
-            lo, hi = share_of(starts[colour], starts[colour + 1], team)
+            lo, hi = share(starts[colour], starts[colour + 1], team)
             bend_listed(
                 vertices[lo:hi], coefficients[lo:hi], time, bends.gain[lo:hi], part(bends.slack, lo, hi),
                 part(row(bends.impulse, 0), lo, hi), part(row(bends.impulse, 1), lo, hi),
