@@ -64,37 +64,28 @@ def multiply_links(lo, hi, second, coefficients, px, py, pz, ends, qx, qy, qz):
 
 
 @kernel
-def keep_diagonals(lo, hi, coefficients, ends, xx, yy, zz):
-    """Add the diagonals of the blocks of the links of vertices lo to hi there, and keep them for the other ends."""
+def keep_entries(lo, hi, coefficients, ends, mixed, a, b, c):
+    """Add three `entries` of the blocks of the links of vertices lo to hi there, and keep them for the other ends."""
     rows = coefficients.shape[1]
     for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
         start = block * BLOCK
-        ax, ay, az = xx[start:], yy[start:], zz[start:]
+        own_a, own_b, own_c = a[start:], b[start:], c[start:]
         for d in range(rows):
             w, kept = coefficients[block, d], ends[(block * rows + d) * ENDS :]
             for i in range(BLOCK):
-                x, y, z = w[0, i] * w[0, i] + w[3, i], w[1, i] * w[1, i] + w[3, i], w[2, i] * w[2, i] + w[3, i]
+                x, y, z = entries(w[0, i], w[1, i], w[2, i], w[3, i], mixed)
                 kept[i], kept[BLOCK + i], kept[2 * BLOCK + i] = x, y, z
-                ax[i] += x
-                ay[i] += y
-                az[i] += z
+                own_a[i] += x
+                own_b[i] += y
+                own_c[i] += z
 
 
-@kernel
-def keep_mixed(lo, hi, coefficients, ends, xy, xz, yz):
-    """The same for the entries beside the diagonal, which c does not touch."""
-    rows = coefficients.shape[1]
-    for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
-        start = block * BLOCK
-        ax, ay, az = xy[start:], xz[start:], yz[start:]
-        for d in range(rows):
-            w, kept = coefficients[block, d], ends[(block * rows + d) * ENDS :]
-            for i in range(BLOCK):
-                x, y, z = w[0, i] * w[1, i], w[0, i] * w[2, i], w[1, i] * w[2, i]
-                kept[i], kept[BLOCK + i], kept[2 * BLOCK + i] = x, y, z
-                ax[i] += x
-                ay[i] += y
-                az[i] += z
+@inlined
+def entries(x, y, z, c, mixed):
+    """The diagonal of w w' + c, w = (x, y, z); with `mixed`, unless it is None, xy, xz, yz, which c does not touch."""
+    if mixed is None:
+        return x * x + c, y * y + c, z * z + c
+    return x * y, x * z, y * z
 
 
 @driver
@@ -130,11 +121,11 @@ def add_mesh_product(lo, hi, links, coefficients, ends, p, q, team):
 @driver
 def add_mesh_blocks(lo, hi, links, coefficients, ends, blocks, team):
     """Add a mesh's links to the blocks of the vertices lo to hi."""
-    keep_diagonals(lo, hi, coefficients, ends, blocks[0], blocks[1], blocks[2])
+    keep_entries(lo, hi, coefficients, ends, None, blocks[0], blocks[1], blocks[2])
     meet(team)
     gather(lo, hi, links, ends, blocks[0], blocks[1], blocks[2])
     meet(team)
-    keep_mixed(lo, hi, coefficients, ends, blocks[3], blocks[4], blocks[5])
+    keep_entries(lo, hi, coefficients, ends, True, blocks[3], blocks[4], blocks[5])
     meet(team)
     gather(lo, hi, links, ends, blocks[3], blocks[4], blocks[5])
     meet(team)
