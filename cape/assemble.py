@@ -169,7 +169,7 @@ def force_scratch(assembly: Assembly, dtype: type[np.floating]) -> tuple[GridRoo
     cloth = assembly.cloth
     if not isinstance(cloth, GridCloth):
         return (None,) * len(assembly.ranks)
-    return tuple(grid_room(cloth.columns, cloth.vertices, dtype) for _ in assembly.ranks)
+    return tuple(grid_room(dtype) for _ in assembly.ranks)
 
 
 def _places(scene: Scene, kind: type | UnionType) -> list[int]:

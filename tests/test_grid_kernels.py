@@ -45,9 +45,9 @@ class Sheet:
         self, cuts=(0, N), *, damping: float | None = TAU, bend_damping: float | None = BEND_TAU, bends: bool = True
     ) -> np.ndarray:
         """Of springs and bend springs, in ranges between the cuts."""
-        forces, room = np.full((3, N), np.nan, self.dtype), grid.grid_room(COLUMNS, N, self.dtype)
+        forces, room = np.full((3, N), np.nan, self.dtype), grid.grid_room(self.dtype)
         springs = OFFSETS, self.stiffness.astype(self.dtype), self.rest.astype(self.dtype), damping
-        bending = (BEND_OFFSETS, self.bends.astype(self.dtype), bend_damping) if bends else (None, None, None)
+        bending = (self.bends.astype(self.dtype), bend_damping) if bends else (None, None)
         for lo, hi in itertools.pairwise(cuts):
             before = forces.copy()
             grid.grid_forces(lo, hi, self.state, *springs, *bending, *forces, room)
@@ -57,7 +57,7 @@ class Sheet:
 
     def air(self, cuts=(0, N), wind=(1.0, -2.0, 0.5)) -> np.ndarray:
         """Of the air, added to ones."""
-        forces, room = np.ones((3, N), self.dtype), grid.grid_room(COLUMNS, N, self.dtype)
+        forces, room = np.ones((3, N), self.dtype), grid.grid_room(self.dtype)
         for lo, hi in itertools.pairwise(cuts):
             grid.grid_air_forces(
                 lo, hi, self.state, np.array(wind), DENSITY * DRAG / 12, DENSITY * LIFT / 12, self.cells, COLUMNS,
@@ -141,9 +141,9 @@ def test_tiles_give_the_same_bits_as_ranges(monkeypatch: pytest.MonkeyPatch):
     cells = np.where(np.arange(n) < n - columns - 1, 1.0, 0.0)
     results = []
     for cuts in ([0, n], [0, 1000, 2500, 4000, n]):
-        forces, room = np.zeros((3, n)), grid.grid_room(columns, n, np.float64)
+        forces, room = np.zeros((3, n)), grid.grid_room(np.float64)
         for lo, hi in itertools.pairwise(cuts):
-            given = (offsets, springs, rest, TAU, offsets[:2], bends, BEND_TAU)
+            given = (offsets, springs, rest, TAU, bends, BEND_TAU)
             grid.grid_forces(lo, hi, state, *given, *forces, room)
             grid.grid_air_forces(lo, hi, state, np.ones(3), 0.1, 0.1, cells, columns, *forces, room)
         results.append(forces)
@@ -161,10 +161,10 @@ def test_what_is_none_counts_as_zero():
 
 def test_a_used_room_leaves_no_trace():
     """What a diverged cloth left in the room must not reach the next one, not even times zero."""
-    sheet, room = Sheet(), grid.grid_room(COLUMNS, N, np.float64)
+    sheet, room = Sheet(), grid.grid_room(np.float64)
     room.window[:], room.fluxes[:] = np.nan, np.nan
     forces = np.zeros((3, N))
-    given = (sheet.state, OFFSETS, sheet.stiffness, sheet.rest, TAU, BEND_OFFSETS, sheet.bends, BEND_TAU)
+    given = (sheet.state, OFFSETS, sheet.stiffness, sheet.rest, TAU, sheet.bends, BEND_TAU)
     grid.grid_forces(0, N, *given, *forces, room)
     np.testing.assert_array_equal(forces, sheet.forces())
 

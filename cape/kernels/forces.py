@@ -26,11 +26,11 @@ def add_grid(lo, hi, s, springs, bends, air, damping, bend_damping, fx, fy, fz, 
         if bends is not None:
             grid_forces(
                 lo, hi, s, springs.offsets, springs.stiffness, springs.rest, damping,
-                bends.offsets, bends.stiffness, bend_damping, fx, fy, fz, room,
+                bends.stiffness, bend_damping, fx, fy, fz, room,
             )  # fmt: skip
         else:
             grid_forces(
-                lo, hi, s, springs.offsets, springs.stiffness, springs.rest, damping, None, None, None, fx, fy, fz, room
+                lo, hi, s, springs.offsets, springs.stiffness, springs.rest, damping, None, None, fx, fy, fz, room
             )
     if air is not None:
         grid_air_forces(lo, hi, s, air.wind, air.drag, air.lift, air.cells, air.columns, fx, fy, fz, room)

@@ -40,7 +40,7 @@ class GridRoom(NamedTuple):
     fluxes: NDArray[np.floating]
 
 
-def grid_room(columns: int, vertices: int, dtype: DTypeLike) -> GridRoom:
+def grid_room(dtype: DTypeLike) -> GridRoom:
     """Make the scratch that `grid_forces` and `grid_air_forces` need, one for each thread."""
     return GridRoom(_aligned(11 * STRIDE, dtype), _aligned(12 * STRIDE, dtype))
 
@@ -53,14 +53,12 @@ def _aligned(size: int, dtype: DTypeLike) -> NDArray[np.floating]:
 
 
 @driver
-def grid_forces(
-    lo, hi, s, offsets, stiffness, rest, damping, bend_offsets, bend_stiffness, bend_damping, fx, fy, fz, room
-):  # fmt: skip
+def grid_forces(lo, hi, s, offsets, stiffness, rest, damping, bend_stiffness, bend_damping, fx, fy, fz, room):
     """Set f[lo:hi] to the forces of springs and bend springs on these vertices [N].
 
-    `offsets` are (1, c, c + 1, c - 1) for c columns, 2 to `MOST_COLUMNS`, and `bend_offsets` (1, c); `stiffness` [N/m]
-    and `rest` [m] have shape (4, N), `bend_stiffness` [N/m] (2, N). `bend_stiffness` is None without bending, a damping
-    time [s] without damping. The bits of f don't depend on where a range of vertices is split.
+    `offsets` are (1, c, c + 1, c - 1) for c columns, 2 to `MOST_COLUMNS`; `stiffness` [N/m] and `rest` [m] have shape
+    (4, N), `bend_stiffness` [N/m], across and down, (2, N). `bend_stiffness` is None without bending, a damping time
+    [s] without damping. The bits of f don't depend on where a range of vertices is split.
     """
     columns = offsets[1]
     reach = columns + 1

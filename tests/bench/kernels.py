@@ -51,9 +51,9 @@ def rows_of(rows: int, columns: int, dtype: type) -> dict[str, float]:
     random = np.random.default_rng(0)
     positions = cloth.positions + random.normal(0.0, 0.001, (n, 3))
     state = State(*(np.array(c, dtype) for c in (*positions.T, *random.normal(0.0, 0.1, (3, n)))))
-    forces, room = np.zeros((3, n), dtype), grid.grid_room(columns, n, dtype)
+    forces, room = np.zeros((3, n), dtype), grid.grid_room(dtype)
     given = (families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype), 1e-5)
-    bends = (families.bend_offsets, families.bend_stiffness.astype(dtype), 2e-3)
+    bends = (families.bend_stiffness.astype(dtype), 2e-3)
     cells = np.zeros((rows, columns), dtype)
     cells[:-1, :-1] = 1
     air = (np.zeros(3), 0.1, 0.05, cells.ravel(), columns)
@@ -73,7 +73,7 @@ def rows_of(rows: int, columns: int, dtype: type) -> dict[str, float]:
     )  # fmt: skip
     kernels = {
         "springs + bends": lambda k: repeat_grid(k, (0, n, state, *given, *bends, *forces, room)),
-        "springs": lambda k: repeat_grid(k, (0, n, state, *given, None, None, None, *forces, room)),
+        "springs": lambda k: repeat_grid(k, (0, n, state, *given, None, None, *forces, room)),
         "air": lambda k: repeat_air(k, (0, n, state, *air, *forces, room)),
         "advance": lambda k: repeat_advance(k, (*still, weight, *forces, *state)),
         "scalar": lambda k: baselines.scalar_step(k, *scalar),
