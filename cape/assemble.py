@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import UnionType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,41 +133,51 @@ def inertia_of(assembly: Assembly, dtype: type[np.floating]) -> Inertia:
 
 def force_model(assembly: Assembly, dtype: type[np.floating]) -> ForceModel:
     """Springs and air in a solver's precision; None for what the scene lacks."""
-    fabric, springs, cloth, wind = assembly.scene.cloth.fabric, assembly.springs, assembly.cloth, assembly.scene.wind
-    parts: dict[str, Any] = dict.fromkeys(ForceModel._fields)
+    fabric, springs, cloth = assembly.cloth.fabric, assembly.springs, assembly.cloth
     has_bends = len(springs.bend_stiffness) > 0
-    parts["damping"] = fabric.damping_time or None
-    parts["bend_damping"] = (fabric.bend_damping_time or None) if has_bends else None
-    air = () if wind is None else (assembly.wind, wind.density * wind.drag / 12.0, wind.density * wind.lift / 12.0)
+    model = air_model(assembly, dtype)._replace(
+        damping=fabric.damping_time or None, bend_damping=(fabric.bend_damping_time or None) if has_bends else None
+    )
     if isinstance(cloth, GridCloth):
-        if not 2 <= cloth.columns <= MOST_COLUMNS:
-            raise ValueRangeError(f"a grid of cloth has 2 to {MOST_COLUMNS} columns, not {cloth.columns}")
         families = springs.families
         if families is None:
             raise TypeError("the springs of a grid come by family")
-        parts["grid"] = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
-        if has_bends:
-            parts["grid_bends"] = GridBends(families.bend_offsets, families.bend_stiffness.astype(dtype))
-        if air:
-            cells = np.zeros((cloth.rows, cloth.columns), dtype=dtype)
-            cells[:-1, :-1] = 1.0
-            parts["grid_air"] = GridAir(*air, cells.ravel(), cloth.columns)
-    else:
-        from cape.links import mesh_air_record, mesh_bends_record, mesh_springs_record
+        bends = GridBends(families.bend_offsets, families.bend_stiffness.astype(dtype)) if has_bends else None
+        grid = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
+        return model._replace(grid=grid, grid_bends=bends)
+    from cape.links import mesh_bends_record, mesh_springs_record
 
-        parts["mesh"] = mesh_springs_record(springs, cloth.vertices, dtype)
-        if has_bends:
-            parts["mesh_bends"] = mesh_bends_record(springs, cloth.vertices, dtype)
-        if air:
-            parts["mesh_air"] = mesh_air_record(cloth, *air, dtype)
-    return ForceModel(**parts)
+    bends = mesh_bends_record(springs, cloth.vertices, dtype) if has_bends else None
+    return model._replace(mesh=mesh_springs_record(springs, cloth.vertices, dtype), mesh_bends=bends)
+
+
+def air_model(assembly: Assembly, dtype: type[np.floating]) -> ForceModel:
+    """The air alone, without springs; nothing but None where the scene has no wind."""
+    cloth, wind = assembly.cloth, assembly.scene.wind
+    model = ForceModel(*(None,) * len(ForceModel._fields))
+    if wind is None:
+        return model
+    air = (assembly.wind, wind.density * wind.drag / 12.0, wind.density * wind.lift / 12.0)
+    if isinstance(cloth, GridCloth):
+        cells = np.zeros((cloth.rows, cloth.columns), dtype=dtype)
+        cells[:-1, :-1] = 1.0
+        return model._replace(grid_air=GridAir(*air, cells.ravel(), cloth.columns))
+    from cape.links import mesh_air_record
+
+    return model._replace(mesh_air=mesh_air_record(cloth, *air, dtype))
 
 
 def force_scratch(assembly: Assembly, dtype: type[np.floating]) -> tuple[GridRoom | None, ...]:
-    """Scratch of the forces for each thread; None where they need none of their own."""
+    """Scratch of the forces for each thread; None where they need none of their own.
+
+    Raises:
+        ValueRangeError: a grid has a single column, or more than there is room for.
+    """
     cloth = assembly.cloth
     if not isinstance(cloth, GridCloth):
         return (None,) * len(assembly.ranks)
+    if not 2 <= cloth.columns <= MOST_COLUMNS:
+        raise ValueRangeError(f"a grid of cloth has 2 to {MOST_COLUMNS} columns, not {cloth.columns}")
     return tuple(grid_room(dtype) for _ in assembly.ranks)
 
 

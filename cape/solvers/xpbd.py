@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cape.assemble import Assembly, force_model, force_scratch, inertia_of
+from cape.assemble import Assembly, air_model, force_scratch, inertia_of
 from cape.cloth import GridCloth
 from cape.coloring import by_color
 from cape.kernels.grid import GridRoom
@@ -75,17 +75,12 @@ class XPBD(Solver):
         """Turn springs into constraints: by family on a grid, by colour on a mesh."""
         dtype, fabric, cloth = self.dtype(assembly), assembly.cloth.fabric, assembly.cloth
         windy = assembly.scene.wind is not None
-        air = None
-        if windy:
-            air = force_model(assembly, dtype)._replace(
-                grid=None, grid_bends=None, mesh=None, mesh_bends=None, damping=None, bend_damping=None
-            )
         return XpbdRoom(
             grid=self._grid(assembly, cloth, dtype) if isinstance(cloth, GridCloth) else None,
             mesh=None if isinstance(cloth, GridCloth) else self._mesh(assembly, dtype),
             damping=fabric.damping_time or None,
             bend_damping=(fabric.bend_damping_time or None) if len(assembly.springs.bend_stiffness) else None,
-            air=air,
+            air=air_model(assembly, dtype) if windy else None,
             inertia=inertia_of(assembly, dtype),
             forces=np.zeros((3, cloth.vertices), dtype=dtype) if windy else None,
             scratch=force_scratch(assembly, dtype) if windy else (None,) * len(assembly.ranks),
