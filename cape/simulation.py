@@ -143,7 +143,7 @@ class Simulation:
         require_held_once(held)
         self._assembly = assemble(self.scene, held, threads=self.threads)
         self._room = self.solver.init(self._assembly)
-        self._state = _at_rest(self._assembly.inwards(positions), self.solver.dtype(self._assembly))
+        self._state = State.at_rest(self._assembly.inwards(positions), self.solver.dtype(self._assembly))
         try:
             worn, spread = wear.hold_points(self._assembly, self._pose, held, positions)
             put_on = not np.array_equal(worn, spread)
@@ -321,8 +321,3 @@ def _vector(values: ArrayLike, name: str) -> FloatArray:
 
 def _threads_for(vertices: int) -> int:
     return 1 if vertices < THREADED_VERTICES else min(team.available_cores(), vertices // VERTICES_OF_A_THREAD)
-
-
-def _at_rest(positions: FloatArray, dtype: type[np.floating]) -> State:
-    """State of vertices at positions [m], shape (V, 3), without velocity; six arrays that share no memory."""
-    return State(*(np.array(p, dtype=dtype) for p in positions.T), *(np.zeros(len(positions), dtype) for _ in range(3)))

@@ -57,7 +57,7 @@ class Subject(Probe):
         self.solver, self.threads = solver, threads
         self.assembly, scene = assembly, assembly.scene
         self.room = solver.init(self.assembly)
-        self.state = _at_rest(self.assembly, solver)
+        self.state = State.at_rest(assembly.cloth.positions, solver.dtype(assembly))
         frame = 1.0 / FPS
         chosen = solver.choose_substeps(self.room, frame)
         most = max(FEWEST_SUBSTEPS, int(MOST_UNITS / self.assembly.cloth.vertices))
@@ -120,13 +120,6 @@ class Subject(Probe):
             positions, rotations = (poses[0, attached.bones] for poses in self._poses)
             place = self.assembly.cloth.positions[attached.vertices] - positions
             attached.points[:] = quaternions.rotate(quaternions.conjugate(rotations), place)
-
-
-def _at_rest(assembly: Assembly, solver: Solver) -> State:
-    dtype = solver.dtype(assembly)
-    positions = assembly.cloth.positions
-    still = (np.zeros(len(positions), dtype) for _ in range(3))
-    return State(*(np.array(p, dtype=dtype) for p in positions.T), *still)
 
 
 def _poses(scene: Scene, track: BoneTrack, duration: float) -> tuple[FloatArray, FloatArray]:

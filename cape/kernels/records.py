@@ -19,6 +19,12 @@ class State(NamedTuple):
     vy: Array
     vz: Array
 
+    @classmethod
+    def at_rest(cls, positions: Array, dtype: type[np.floating]) -> "State":
+        """Vertices at positions [m], shape (N, 3), without velocity; six arrays that share no memory."""
+        still = (np.zeros(len(positions), dtype) for _ in range(3))
+        return cls(*(np.array(p, dtype=dtype) for p in positions.T), *still)
+
 
 class GridSprings(NamedTuple):
     """Springs of a grid cloth by family, zero where a spring would leave the grid.
