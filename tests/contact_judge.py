@@ -1,0 +1,200 @@
+"""Runs arrangements, and judges whether anything stays inside of a collider, tears or explodes.
+
+    python tests/contact_judge.py [NUMBER ...] [--solver NAME]
+
+runs the arrangements of those numbers, or all, and prints what went wrong.
+
+A vertex is stuck in a collider while it is deeper than 2 mm and has a way out. It has one if the nearest place outside,
+by the scene's thickness off the surface,
+
+- is out of all other colliders by the thickness, where they are now and where they will be a frame later;
+- is not overrun by the collider itself: its surface does not come after it at more than 3 m/s;
+- can be reached: the cloth between it and each vertex that is held is long enough, at 5 % of strain.
+
+What is deep without a way out is pinched, and counted apart. So is all of a `contrary` arrangement, of which only the
+numbers must stay sound.
+"""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from arrangements import COUNT, FPS, NUDGE, Arrangement, arrangement, depths
+from numpy.typing import NDArray
+
+import cape
+from cape import Diverged, Pose, Simulation, Solver
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+DEEP = 0.002  # m
+PATIENCE = 10  # frames
+SWEPT = 3.0  # m/s
+STRAIN = 0.05
+CLEAR = 1e-4  # m: what lacks less of the thickness lacks nothing
+# A thread strained by e snaps back at e c, where c = sqrt(stretch / density) is 100 m/s for the default fabric. Cloth
+# may snap at 30 % of strain, at 300 % where things contradict each other, and be whipped by what moves.
+SNAP, CONTRARY_SNAP = 30.0, 300.0  # m/s
+WHIP = 5.0  # times the speed of a collider
+
+
+@dataclass
+class Outcome:
+    """How a run went.
+
+    Attributes:
+        number: of the arrangement.
+        start: how the cloth starts.
+        diverged: what the simulation said when it gave up, empty otherwise.
+        finite: all positions and velocities were.
+        fastest: largest speed of a vertex [m/s].
+        allowed: speed beyond which a cloth among such colliders is out of bounds [m/s].
+        stuck: a sentence for each vertex and collider that were stuck for more than 10 frames.
+        pinched: pairs of vertex and collider that were deep without a way out for more than 10 frames.
+    """
+
+    number: int
+    start: str
+    diverged: str = ""
+    finite: bool = True
+    fastest: float = 0.0
+    allowed: float = np.inf
+    stuck: list[str] = field(default_factory=list)
+    pinched: int = 0
+
+    @property
+    def faults(self) -> list[str]:
+        """What must not be, a sentence each."""
+        found = [self.diverged] if self.diverged else []
+        if not self.finite:
+            found.append("not finite")
+        if self.fastest > self.allowed:
+            found.append(f"{self.fastest:.0f} m/s where {self.allowed:.0f} are much")
+        if self.start != "contrary":
+            found += self.stuck
+        return [f"{self.start} arrangement {self.number}: {text}" for text in found]
+
+
+def run(given: Arrangement, solver: Solver | None = None) -> Outcome:
+    """Simulate an arrangement and judge every frame."""
+    snap = CONTRARY_SNAP if given.start == "contrary" else SNAP
+    outcome = Outcome(given.number, given.start, allowed=snap + WHIP * given.fastest)
+    simulation = Simulation(given.scene, solver=solver, threads=1)
+    track = given.track
+    chosen = [track.index(bone) for bone in simulation.bones]
+    poses = [Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]) for f in range(track.frames)]
+    judge = Judge(given)
+    simulation.start(poses[0])
+    for frame in range(1, track.frames):
+        try:
+            simulation.step(poses[frame], 1.0 / FPS)
+        except Diverged as error:
+            outcome.diverged = f"frame {frame}: {error}"
+            break
+        positions, velocities = simulation.positions, simulation.velocities
+        if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
+            outcome.finite = False
+            break
+        outcome.fastest = max(outcome.fastest, float(np.linalg.norm(velocities, axis=1).max()))
+        judge.see(frame, positions)
+    outcome.stuck, outcome.pinched = judge.verdict()
+    return outcome
+
+
+class Judge:
+    """Looks for vertices that stay inside of colliders."""
+
+    def __init__(self, given: Arrangement) -> None:
+        """Find what of the cloth is free, and how far from what is held it may get."""
+        scene, self._track = given.scene, given.track
+        self._solids = list(scene.colliders[: given.present])
+        self._thickness = scene.thickness
+        (attachment,) = scene.attachments
+        self._held = attachment.vertices
+        self._free = np.ones(scene.cloth.vertices, dtype=bool)
+        self._free[self._held] = False
+        pattern = scene.cloth.pattern
+        away = np.linalg.norm(pattern[:, None] - pattern[None, self._held], axis=2)
+        self._leash = (1.0 + STRAIN) * away
+        shape = (given.present, scene.cloth.vertices)
+        self._streak, self._pinched = np.zeros(shape, int), np.zeros(shape, int)
+        self._longest, self._longest_pinched = np.zeros(shape, int), np.zeros(shape, int)
+        self._deepest, self._last = np.zeros(shape), np.zeros(shape, int)
+
+    def see(self, frame: int, positions: FloatArray) -> None:
+        """Look at positions (V, 3) [m] at the end of a frame."""
+        for c in range(len(self._solids)):
+            depth = -self._distance(c, frame, positions)
+            deep = (depth > DEEP) & self._free
+            stuck = np.zeros_like(deep)
+            if deep.any():
+                stuck[deep] = self._has_way_out(c, frame, positions, np.flatnonzero(deep))
+            self._streak[c] = np.where(stuck, self._streak[c] + 1, 0)
+            self._pinched[c] = np.where(deep & ~stuck, self._pinched[c] + 1, 0)
+            longer = self._streak[c] > self._longest[c]
+            self._last[c, longer] = frame
+            self._longest[c] = np.maximum(self._longest[c], self._streak[c])
+            self._longest_pinched[c] = np.maximum(self._longest_pinched[c], self._pinched[c])
+            self._deepest[c] = np.maximum(self._deepest[c], np.where(stuck, depth, 0.0))
+
+    def verdict(self) -> tuple[list[str], int]:
+        """Tell of all that was stuck for long, and how much was pinched for long."""
+        texts = [
+            f"vertex {v} stuck in {self._solids[c].name} for {self._longest[c, v]} frames up to {self._last[c, v]}, "
+            f"by up to {1e3 * self._deepest[c, v]:.1f} mm"
+            for c, v in np.argwhere(self._longest > PATIENCE)
+        ]
+        return texts, int((self._longest_pinched > PATIENCE).sum())
+
+    def _distance(self, collider: int, frame: int, points: FloatArray) -> FloatArray:
+        """Signed distances of points in the world (N, 3) from a collider at a frame [m], shape (N,)."""
+        solid = self._solids[collider]
+        bone = self._track.index(str(solid.bone))
+        return -depths(solid, self._track.positions[frame, bone], self._track.rotations_wxyz[frame, bone], points)
+
+    def _has_way_out(self, collider: int, frame: int, positions: FloatArray, deep: NDArray[np.int64]) -> BoolArray:
+        """Which of the deep vertices have one."""
+        following = min(frame + 1, self._track.frames - 1)
+        distance = partial(self._distance, collider, frame)
+        exits = positions[deep]
+        for _ in range(3):
+            # Twice more where the nearest surface is not straight ahead, as in the corner of a box.
+            exits = exits + (self._thickness - distance(exits))[:, None] * _slope(distance, exits)
+        clear = self._thickness - CLEAR
+        # Where a vertex is in the middle of a solid there is no nearest place outside.
+        way_out = distance(exits) > clear
+        way_out &= (distance(exits) - self._distance(collider, following, exits)) * FPS < SWEPT
+        for other in range(len(self._solids)):
+            if other != collider:
+                for when in (frame, following):
+                    way_out &= self._distance(other, when, exits) > clear
+        away = np.linalg.norm(exits[:, None] - positions[None, self._held], axis=2)
+        return way_out & (away < self._leash[deep]).all(axis=1)
+
+
+def _slope(distance: Callable[[FloatArray], FloatArray], points: FloatArray) -> FloatArray:
+    """Directions in which a distance grows, of length one, at points (N, 3) [m]."""
+    steps = NUDGE * np.eye(3)
+    slope = np.stack([distance(points + step) - distance(points - step) for step in steps], axis=1)
+    length = np.linalg.norm(slope, axis=1, keepdims=True)
+    return slope / np.maximum(length, 1e-300)
+
+
+def main() -> None:
+    """Run the arrangements asked for and print what went wrong."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("numbers", nargs="*", type=int, default=range(COUNT))
+    parser.add_argument("--solver", choices=cape.SOLVERS, default="euler")
+    arguments = parser.parse_args()
+    outcomes = [run(arrangement(number), cape.solver(arguments.solver)) for number in arguments.numbers]
+    for outcome in outcomes:
+        print("\n".join(outcome.faults), end="\n" if outcome.faults else "")
+    bad, pinched = sum(bool(o.faults) for o in outcomes), sum(o.pinched > 0 for o in outcomes)
+    print(f"{len(outcomes)} arrangements, {bad} with faults, {pinched} with pinched vertices")
+
+
+if __name__ == "__main__":
+    main()
