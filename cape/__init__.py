@@ -3,7 +3,8 @@
 from cape.attach import Attachment, attach
 from cape.batch import Batch
 from cape.cloth import Cloth, GridCloth, MeshCloth
-from cape.colliders import Box, Collider, Plane, Sphere
+from cape.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
+from cape.cuts import Cuts
 from cape.dress import dress
 from cape.fabric import FABRICS, Fabric, fabric
 from cape.poses import Pose
@@ -28,6 +29,7 @@ __all__ = [
     "Capsule",
     "Cloth",
     "Collider",
+    "Cuts",
     "Diverged",
     "Fabric",
     "GridCloth",
@@ -41,6 +43,7 @@ __all__ = [
     "Sphere",
     "SymplecticEuler",
     "Take",
+    "TaperedCapsule",
     "UserError",
     "Wind",
     "attach",

@@ -1,21 +1,16 @@
 """From a scene to the arrays that kernels work on."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from types import UnionType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth import Cloth, GridCloth, MeshCloth
-from cape.colliders import Box, Collider, Plane, Sphere
+from cape.contact import contacts_of, for_another_thread
 from cape.kernels.bones import blank_motion
-from cape.kernels.contact import BLOCK
 from cape.kernels.grid import MOST_COLUMNS, GridRoom, grid_room
 from cape.kernels.records import (
     Attached,
-    Boxes,
-    Capsules,
     Contacts,
     ForceModel,
     GridAir,
@@ -23,13 +18,11 @@ from cape.kernels.records import (
     GridSprings,
     Inertia,
     MotionRoom,
-    Planes,
+    Skin,
 )
 from cape.scene import Scene
 from cape.springs import Springs, springs_of
-from motions import quaternions
 from motions.errors import ValueRangeError
-from skeleton.capsules import Capsule
 
 FloatArray = NDArray[np.float64]
 
@@ -56,7 +49,7 @@ class Assembly:
         free: False for attached vertices, shape (N,).
         attached: what bones hold; its points change while the cloth is put on. None when nothing is attached.
         wind: velocity of the air [m/s], shape (3,), in place: it changes while the cloth is put on.
-        collider_order: for capsules, planes and boxes, indices into `scene.colliders`.
+        collider_order: for each kind of collider that the scene has, their indices into `scene.colliders`.
         ranks: for each thread of a run.
     """
 
@@ -69,12 +62,12 @@ class Assembly:
     free: NDArray[np.bool_]
     attached: Attached | None
     wind: FloatArray
-    collider_order: tuple[list[int], list[int], list[int]]
+    collider_order: tuple[list[int], ...]
     ranks: tuple[Rank, ...]
 
     @property
     def contacts(self) -> Contacts:
-        """The colliders by kind, None for a kind that the scene has not."""
+        """The colliders by kind."""
         return self.ranks[0].contacts
 
     def inwards(self, values: FloatArray) -> FloatArray:
@@ -104,6 +97,7 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
     free = np.ones(cloth.vertices, dtype=bool)
     for indices in vertices:
         free[indices] = False
+    contacts, order_of_colliders = contacts_of(scene, cloth, free)
     return Assembly(
         scene=scene,
         cloth=cloth,
@@ -114,9 +108,10 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
         free=free,
         attached=_attached(scene, vertices),
         wind=np.array((0.0, 0.0, 0.0) if scene.wind is None else scene.wind.velocity, dtype=float),
-        collider_order=(_places(scene, Capsule | Sphere), _places(scene, Plane), _places(scene, Box)),
+        collider_order=order_of_colliders,
         ranks=tuple(
-            Rank(_contacts(scene, free), MotionRoom(*blank_motion(len(scene.bones) + 1))) for _ in range(threads)
+            Rank(for_another_thread(contacts) if rank else contacts, MotionRoom(*blank_motion(len(scene.bones) + 1)))
+            for rank in range(threads)
         ),
     )
 
@@ -157,6 +152,9 @@ def air_model(assembly: Assembly, dtype: type[np.floating]) -> ForceModel:
     model = ForceModel(*(None,) * len(ForceModel._fields))
     if wind is None:
         return model
+    if wind.viscous > 0.0:
+        areas = assembly.mass / cloth.fabric.density
+        model = model._replace(skin=Skin(assembly.wind, (wind.viscous * areas).astype(dtype)))
     air = (assembly.wind, wind.density * wind.drag / 12.0, wind.density * wind.lift / 12.0)
     if isinstance(cloth, GridCloth):
         cells = np.zeros((cloth.rows, cloth.columns), dtype=dtype)
@@ -181,66 +179,10 @@ def force_scratch(assembly: Assembly, dtype: type[np.floating]) -> tuple[GridRoo
     return tuple(grid_room(dtype) for _ in assembly.ranks)
 
 
-def _places(scene: Scene, kind: type | UnionType) -> list[int]:
-    return [i for i, collider in enumerate(scene.colliders) if isinstance(collider, kind)]
-
-
 def _attached(scene: Scene, vertices: list[NDArray[np.int64]]) -> Attached | None:
     if not any(len(indices) for indices in vertices):
         return None
     bones = [np.full(len(v), scene.bones.index(a.bone)) for a, v in zip(scene.attachments, vertices, strict=True)]
     indices = np.concatenate(vertices)
-    return Attached(indices, np.concatenate(bones), np.zeros((len(indices), 3)))
-
-
-def _contacts(scene: Scene, free: NDArray[np.bool_]) -> Contacts:
-    blocks = -(-len(free) // BLOCK)
-    # A sphere is a capsule without length.
-    capsules = [c for c in scene.colliders if isinstance(c, Capsule | Sphere)]
-    planes = [c for c in scene.colliders if isinstance(c, Plane)]
-    boxes = [c for c in scene.colliders if isinstance(c, Box)]
-    return Contacts(
-        free=free,
-        thickness=scene.thickness,
-        capsules=Capsules(
-            bones=_bones(scene, capsules),
-            starts=np.array([c.center if isinstance(c, Sphere) else c.start for c in capsules], dtype=float),
-            ends=np.array([c.center if isinstance(c, Sphere) else c.end for c in capsules], dtype=float),
-            radius=np.array([c.radius for c in capsules], dtype=float),
-            friction=_friction(scene, capsules),
-            placed=np.zeros((len(capsules), 8)),
-            near=np.zeros((blocks, len(capsules) + 1), dtype=np.int64),
-            touched=np.zeros(BLOCK, dtype=np.int64),
-        )
-        if capsules
-        else None,
-        planes=Planes(
-            bones=_bones(scene, planes),
-            points=np.array([c.point for c in planes], dtype=float),
-            normals=np.array([c.normal / np.linalg.norm(c.normal) for c in planes], dtype=float),
-            friction=_friction(scene, planes),
-        )
-        if planes
-        else None,
-        boxes=Boxes(
-            bones=_bones(scene, boxes),
-            centers=np.array([c.center for c in boxes], dtype=float),
-            halves=np.array([c.half_sizes for c in boxes], dtype=float),
-            frames=np.array([quaternions.to_matrix(c.rotation_wxyz) for c in boxes], dtype=float),
-            friction=_friction(scene, boxes),
-            room=np.zeros((3, 3)),
-        )
-        if boxes
-        else None,
-    )
-
-
-def _bones(scene: Scene, colliders: Sequence[Collider]) -> NDArray[np.int64]:
-    """Numbers of the bones that carry the colliders; the world comes after the last bone."""
-    return np.array([len(scene.bones) if c.bone is None else scene.bones.index(c.bone) for c in colliders])
-
-
-def _friction(scene: Scene, colliders: Sequence[Collider]) -> FloatArray | None:
-    """Coefficient of each collider, None when none has any."""
-    coefficients = np.array([scene.friction if c.friction is None else c.friction for c in colliders])
-    return coefficients if coefficients.any() else None
+    points, lift, drift = (np.zeros((len(indices), 3)) for _ in range(3))
+    return Attached(indices, np.concatenate(bones), points, lift, drift)

@@ -24,6 +24,7 @@ class Sphere:
         center: in the bone's frame [m], shape (3,).
         radius: [m].
         friction: Coulomb coefficient against cloth, None for the scene's default.
+        thickness: distance from the surface at which cloth is stopped [m], None for the scene's default.
 
     Raises:
         ValueRangeError: a value is out of range.
@@ -34,11 +35,49 @@ class Sphere:
     center: FloatArray = field(default_factory=lambda: np.zeros(3))
     radius: float = 0.5
     friction: float | None = None
+    thickness: float | None = None
 
     def __post_init__(self) -> None:
         """Copy, check and freeze the centre."""
         _freeze(self, center=3)
         _require(self, 0.0 < self.radius < math.inf, "the radius must be positive", self.radius)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TaperedCapsule:
+    """The convex hull of two spheres: a capsule that is thicker at one end.
+
+    Where one sphere holds the other, the shape is the larger sphere.
+
+    Attributes:
+        name: unique name.
+        bone: name of the bone that carries it, None for one that stands still in the world.
+        start: centre of the first sphere in the bone's frame [m], shape (3,).
+        end: centre of the second sphere in the bone's frame [m], shape (3,).
+        start_radius: of the first sphere [m].
+        end_radius: of the second sphere [m].
+        friction: Coulomb coefficient against cloth, None for the scene's default.
+        thickness: distance from the surface at which cloth is stopped [m], None for the scene's default.
+
+    Raises:
+        ValueRangeError: a value is out of range.
+    """
+
+    name: str = "tapered capsule"
+    bone: str | None = None
+    start: FloatArray = field(default_factory=lambda: np.zeros(3))
+    end: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    start_radius: float = 0.2
+    end_radius: float = 0.1
+    friction: float | None = None
+    thickness: float | None = None
+
+    def __post_init__(self) -> None:
+        """Copy, check and freeze the ends."""
+        _freeze(self, start=3, end=3)
+        for label in ("start_radius", "end_radius"):
+            radius = getattr(self, label)
+            _require(self, 0.0 < radius < math.inf, f"{label} must be positive", radius)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,6 +91,7 @@ class Box:
         half_sizes: half the edge lengths [m], shape (3,).
         rotation_wxyz: unit quaternion (w, x, y, z) box_to_bone, shape (4,).
         friction: Coulomb coefficient against cloth, None for the scene's default.
+        thickness: distance from the surface at which cloth is stopped [m], None for the scene's default.
 
     Raises:
         ValueRangeError: a value is out of range.
@@ -63,6 +103,7 @@ class Box:
     half_sizes: FloatArray = field(default_factory=lambda: np.full(3, 0.5))
     rotation_wxyz: FloatArray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
     friction: float | None = None
+    thickness: float | None = None
 
     def __post_init__(self) -> None:
         """Copy, check and freeze the arrays."""
@@ -82,6 +123,7 @@ class Plane:
         point: a point of the plane in the bone's frame [m], shape (3,).
         normal: out of the solid, in the bone's frame, of any length, shape (3,).
         friction: Coulomb coefficient against cloth, None for the scene's default.
+        thickness: distance from the surface at which cloth is stopped [m], None for the scene's default.
 
     Raises:
         ValueRangeError: a value is out of range.
@@ -92,6 +134,7 @@ class Plane:
     point: FloatArray = field(default_factory=lambda: np.zeros(3))
     normal: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     friction: float | None = None
+    thickness: float | None = None
 
     def __post_init__(self) -> None:
         """Copy, check and freeze the arrays."""
@@ -99,10 +142,13 @@ class Plane:
         _require(self, np.linalg.norm(self.normal) > 0.0, "the normal must not be zero", self.normal)
 
 
-Collider = Capsule | Sphere | Box | Plane
+Collider = Capsule | TaperedCapsule | Sphere | Box | Plane
 
 
-def _freeze(shape: Sphere | Box | Plane, **sizes: int) -> None:
+Shape = Sphere | TaperedCapsule | Box | Plane
+
+
+def _freeze(shape: Shape, **sizes: int) -> None:
     """Replace arrays by read-only copies of the given sizes, and check what all shapes have."""
     for label, size in sizes.items():
         array = np.array(getattr(shape, label), dtype=float)
@@ -111,10 +157,12 @@ def _freeze(shape: Sphere | Box | Plane, **sizes: int) -> None:
         )
         array.setflags(write=False)
         object.__setattr__(shape, label, array)
-    friction = shape.friction
-    _require(shape, friction is None or 0.0 <= friction < math.inf, "friction must be zero or more", friction)
+    for label in ("friction", "thickness"):
+        value = getattr(shape, label)
+        _require(shape, value is None or 0.0 <= value < math.inf, f"{label} must be zero or more", value)
 
 
-def _require(shape: Sphere | Box | Plane, holds: bool | np.bool_, text: str, value: object) -> None:
+def _require(shape: Shape, holds: bool | np.bool_, text: str, value: object) -> None:
     if not holds:
-        raise ValueRangeError(f"{type(shape).__name__.lower()} {shape.name!r}: {text}, not {value}")
+        kind = "tapered capsule" if isinstance(shape, TaperedCapsule) else type(shape).__name__.lower()
+        raise ValueRangeError(f"{kind} {shape.name!r}: {text}, not {value}")

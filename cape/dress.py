@@ -1,6 +1,5 @@
 """A character's own cape: cut to its measures, held by its shoulders, kept out by its limbs and its floor."""
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,15 +57,8 @@ def dress(
     shoulders = [attach(cloth, f"{side}_shoulder", f"top_{side}") for side in ("left", "right")]
     for role in (*(a.bone for a in shoulders), *WEARER_ROLES):
         body.role(role)  # says how to name a bone by hand where none is found
-    return _with_floor(Scene(cloth, shoulders, body.capsules(), wind=wind or Wind()), track)
-
-
-def _with_floor(scene: Scene, track: BoneTrack) -> Scene:
-    """Add the floor that the character stands on, if the cape can reach it."""
-    floor = floor_under(scene.colliders, track)
-    holds = [track.index(a.bone) for a in scene.attachments]
-    lowest_hold = float(track.positions[:, holds, 2].min())
-    reach = float(np.linalg.norm(scene.cloth.pattern - scene.cloth.pattern[0], axis=1).max())
-    if lowest_hold - floor.point[2] > reach:
-        return scene
-    return replace(scene, colliders=(*scene.colliders, floor))
+    colliders = body.capsules()
+    scene = Scene(cloth, shoulders, (*colliders, floor_under(colliders, track)), wind=wind or Wind())
+    for bone in scene.bones:
+        track.index(bone)
+    return scene

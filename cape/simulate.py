@@ -2,17 +2,21 @@
 
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.contact_points import ContactPoints
+from cape.cuts import Cuts
 from cape.poses import Pose
+from cape.reach import reach_of
 from cape.scene import Scene
-from cape.simulation import Diverged, Simulation
+from cape.simulation import DEFAULT_CUTS, Diverged, Simulation
 from cape.solvers import Solver
 from cape.take import Take
-from cape.verdict import penetration_warnings, stretch_warnings
+from cape.verdict import warnings_of
 from motions import quaternions
 from motions.errors import ValueRangeError
 from skeleton.track import BoneTrack
@@ -20,6 +24,7 @@ from skeleton.track import BoneTrack
 FloatArray = NDArray[np.float64]
 
 SLOW = 20.0  # s of estimated run time that nobody needs to be warned of
+NAMED_JUMPS = 5
 SLOW_FACTOR = 4.0  # times the length of the motion, the same
 
 
@@ -35,6 +40,8 @@ def simulate(
     threads: int | None = None,
     fps: float | None = None,
     settle: float | None = None,
+    cull: bool = True,
+    cuts: Cuts | None = DEFAULT_CUTS,
     name: str = "take",
     progress: Callable[[int, int], None] | None = None,
 ) -> Take:
@@ -47,6 +54,8 @@ def simulate(
         threads: how many share the cloth, None for as many as pay off; the results are the same.
         fps: frames per second of the take; None for the track's own.
         settle: time to let the cloth come to rest in the first pose [s]; None for as long as it needs.
+        cull: leave out the colliders that the cloth can't reach (`cape.reach`); penetration is measured in all.
+        cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
         name: what the take is called.
         progress: called after each frame with the number of frames done and of all.
 
@@ -65,29 +74,32 @@ def simulate(
         raise ValueRangeError("a motion of one frame can't be simulated: at least two are needed")
     if fps is not None:
         track = track.resample(fps)
-    simulation = Simulation(scene, solver=solver, threads=threads)
-    chosen = [track.index(bone) for bone in simulation.bones]
-    poses = [Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]) for f in range(track.frames)]
+    reach = reach_of(scene, track) if cull else None
+    simulation = Simulation(scene if reach is None else reach.cull(scene), solver=solver, threads=threads, cuts=cuts)
+    poses, all_poses = _poses(track, simulation.bones), _poses(track, scene.bones)
     steps = np.diff(track.times)
 
     started = time.perf_counter()
     simulation.compile(poses[0])
+    simulation.read(simulation.meter(scene), all_poses[0])
     compiled = time.perf_counter()
     velocity, spin = _first_motion(scene, track)
     simulation.start(poses[0], settle=settle, velocity=velocity, spin=spin)
     settled = time.perf_counter()
     _forewarn(simulation, steps)
 
-    meter = simulation.meter()
+    meter = simulation.meter(scene)
     positions = [simulation.positions.astype(np.float32)]
-    readings = [simulation.read(meter)]
-    solve_s, result, notes = 0.0, "finished", []
+    readings = [simulation.read(meter, all_poses[0])]
+    solve_s, result, notes, jumps = 0.0, "finished", [], []
     try:
         for frame in range(1, track.frames):
             begun = time.perf_counter()
             simulation.step(poses[frame], float(steps[frame - 1]))
             solve_s += time.perf_counter() - begun
-            readings.append(simulation.read(meter))
+            if simulation.jumps > len(jumps):
+                jumps.append(frame)
+            readings.append(simulation.read(meter, all_poses[frame]))
             positions.append(simulation.positions.astype(np.float32))
             if progress is not None:
                 progress(frame + 1, track.frames)
@@ -97,6 +109,44 @@ def simulate(
     except KeyboardInterrupt:
         result = f"stopped at frame {len(positions)}"
     frames = min(len(positions), len(readings))
+    readings = readings[:frames]
+    take = Take(
+        name=name,
+        bones=_first_frames(track, frames),
+        colliders=tuple(scene.colliders),
+        triangles=scene.cloth.triangles,
+        texcoords=scene.cloth.texcoords,
+        positions=np.stack(positions[:frames]),
+        stretch_max=np.array([r.stretch for r in readings]),
+        stretch_p99=meter.stretch_quantile(0.99),
+        penetration=np.array([r.penetration for r in readings]),
+        penetrated=np.array([r.collider for r in readings]),
+        kinetic_energy=np.array([r.kinetic_energy for r in readings]),
+        solver=simulation.solver.name,
+        substeps=simulation.substeps,
+        compile_s=compiled - started,
+        settle_s=settled - compiled,
+        solve_s=solve_s,
+        thickness=scene.thickness,
+        held=np.flatnonzero(simulation.assembly.outwards(simulation.assembly.inverse_mass) == 0.0),
+        left_out={} if reach is None else reach.left_out,
+        contacts=ContactPoints.joined([r.contacts for r in readings]),
+        jumps=tuple(frame for frame in jumps if frame < frames),
+    )
+    notes += _notes_on_steps(simulation) + _notes_on_jumps(take, cuts) + warnings_of(take)
+    if notes and result == "finished":
+        result = "finished with warnings"
+    return replace(take, result=result, warnings=tuple(notes))
+
+
+def _poses(track: BoneTrack, bones: Sequence[str]) -> list[Pose]:
+    chosen = [track.index(bone) for bone in bones]
+    return [Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]) for f in range(track.frames)]
+
+
+def _notes_on_steps(simulation: Simulation) -> list[str]:
+    """Tell of frames that did not come out as the solver had expected."""
+    notes = []
     if simulation.retried:
         notes.append(f"{simulation.retried} frames needed a smaller step than estimated")
     if simulation.refined:
@@ -106,30 +156,20 @@ def simulate(
             f"{simulation.unconverged} frames did not reach the solver's tolerance in shorter steps either: "
             "ask for more substeps or a larger tolerance, or look whether limbs pinch the cloth"
         )
-    stretch = np.array([r.stretch for r in readings[:frames]])
-    penetration = np.array([r.penetration for r in readings[:frames]])
-    penetrated = np.array([r.collider for r in readings[:frames]])
-    notes += penetration_warnings(penetration, penetrated, scene.colliders) + stretch_warnings(stretch)
-    return Take(
-        name=name,
-        bones=_first_frames(track, frames),
-        colliders=tuple(scene.colliders),
-        triangles=scene.cloth.triangles,
-        texcoords=scene.cloth.texcoords,
-        positions=np.stack(positions[:frames]),
-        stretch_max=stretch,
-        stretch_p99=meter.stretch_quantile(0.99),
-        penetration=penetration,
-        penetrated=penetrated,
-        kinetic_energy=np.array([r.kinetic_energy for r in readings[:frames]]),
-        solver=simulation.solver.name,
-        substeps=simulation.substeps,
-        compile_s=compiled - started,
-        settle_s=settled - compiled,
-        solve_s=solve_s,
-        result=result if result != "finished" or not notes else "finished with warnings",
-        warnings=tuple(notes),
-    )
+    return notes
+
+
+def _notes_on_jumps(take: Take, cuts: Cuts | None) -> list[str]:
+    """Tell when the bones jumped, how far, and what became of the cloth."""
+    if not take.jumps or cuts is None:
+        return []
+    ways = [
+        float(np.linalg.norm(take.bones.positions[f] - take.bones.positions[f - 1], axis=1).max()) for f in take.jumps
+    ]
+    named = ", ".join(f"{frame} ({way:.2f} m)" for frame, way in zip(take.jumps[:NAMED_JUMPS], ways, strict=False))
+    more = f" and {len(ways) - NAMED_JUMPS} more" if len(ways) > NAMED_JUMPS else ""
+    done = "carried along as a whole" if cuts.then == "carry" else "put on anew"
+    return [f"the bones jump at frame {named}{more}: the cape was {done}"]
 
 
 def _forewarn(simulation: Simulation, steps: FloatArray) -> None:

@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from cape import team, wear
 from cape.assemble import Assembly, assemble
+from cape.cuts import Cuts, rigid_motion
 from cape.kernels.measure import whereabouts
 from cape.kernels.records import Motion, State
 from cape.measure import Meter, Reading
-from cape.poses import Bones, read_pose
+from cape.poses import Bones, Pose, read_pose
 from cape.scene import Scene, require_held_once
 from cape.solvers import Solver, SymplecticEuler
 from motions.errors import ValueRangeError
@@ -32,6 +33,7 @@ FARTHEST = 1.0  # m from the cloth's middle to the origin that its positions ref
 RETRIES = 4  # each at half the step or less
 CONVERGENCE_RETRIES = 2  # after which a step that did not converge is kept, and counted
 FORECAST_SUBSTEPS = 50
+DEFAULT_CUTS = Cuts()
 VERTICES_OF_A_THREAD = 1500  # at least
 THREADED_VERTICES = 3000  # from which on a second thread gives half as much speed again
 
@@ -61,15 +63,25 @@ class Simulation:
         retried: frames since the start that exploded and were done again in shorter steps.
         refined: frames that converged in shorter steps only.
         unconverged: frames that did not converge in shorter steps either.
+        cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
+        jumps: frames in which the bones have jumped.
     """
 
-    def __init__(self, scene: Scene, *, solver: Solver | None = None, threads: int | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        solver: Solver | None = None,
+        threads: int | None = None,
+        cuts: Cuts | None = DEFAULT_CUTS,
+    ) -> None:
         """Hold the scene and the solver; nothing is computed before `start`.
 
         Args:
             scene: cloth, attachments, colliders, forces.
             solver: None for symplectic Euler with the step that the scene needs.
             threads: how many share the cloth, None for as many as pay off; the results are the same.
+            cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
 
         Raises:
             ValueRangeError: the number of threads is not positive.
@@ -83,6 +95,8 @@ class Simulation:
         self.retried = 0
         self.refined = 0
         self.unconverged = 0
+        self.cuts = cuts
+        self.jumps = 0
         self._assembly: Assembly | None = None
 
     @property
@@ -132,9 +146,11 @@ class Simulation:
             Diverged: the cloth explodes while it settles.
         """
         moving, turning = _vector(velocity, "velocity"), _vector(spin, "spin")
-        self._assembly, self._origin = None, np.zeros(3)
-        self.substeps = self.retried = self.refined = self.unconverged = 0
-        pose = read_pose(bones, self.bones)
+        self.substeps = self.retried = self.refined = self.unconverged = self.jumps = 0
+        self._put_on(read_pose(bones, self.bones), settle, moving, turning)
+
+    def _put_on(self, pose: Pose, settle: float | None, moving: FloatArray, turning: FloatArray) -> None:
+        self._assembly, self._origin, self._first_pose = None, np.zeros(3), pose
         positions = wear.placed(self.scene, pose)
         self._origin = np.round(positions.mean(axis=0))
         self._pose = pose.moved(-self._origin)
@@ -179,11 +195,50 @@ class Simulation:
             self.start(bones)
         self._recenter()
         pose = read_pose(bones, self.bones).moved(-self._origin)
-        motion = Motion(self._pose.positions, self._pose.rotations_wxyz, pose.positions, pose.rotations_wxyz)
+        if self.cuts is not None and self.cuts.between(self._pose, pose, dt, self._holding):
+            self.jumps += 1
+            pose = self._reset(pose) if self.cuts.then == "reset" else self._carry(pose)
+        motion = Motion(*self._pose, *pose)
         self.substeps = self.solver.choose_substeps(self._room, dt)
         with self._taken_back() as before:
             self._try(motion, dt, before)
         self._pose = pose
+
+    @property
+    def _holding(self) -> NDArray[np.int64]:
+        """The bones that hold the cloth."""
+        attached = self.assembly.attached
+        return np.empty(0, dtype=np.int64) if attached is None else np.unique(attached.bones)
+
+    def _reset(self, pose: Pose) -> Pose:
+        """Put the cloth on anew where the bones have jumped to, and give their pose from its new origin."""
+        pose = pose.moved(self._origin)
+        if self.scene.cloth.frame == "wearer":
+            self._put_on(pose, None, np.zeros(3), np.zeros(3))
+            return self._pose
+        # A cloth that started in the world did so where the first pose of its bones was.
+        self._put_on(self._first_pose, None, np.zeros(3), np.zeros(3))
+        return self._carry(pose.moved(-self._origin))
+
+    def _carry(self, pose: Pose) -> Pose:
+        """Move the cloth as a whole to where the bones have jumped, and give their pose from its new origin."""
+        attached = self.assembly.attached
+        if attached is not None:
+            before = wear.held_points(attached, self._pose)
+            rotation, shift = rigid_motion(before, wear.held_points(attached, pose))
+            places = np.stack(self._state[:3], axis=1) @ rotation.T + shift
+            velocities = np.stack(self._state[3:], axis=1) @ rotation.T
+            moved = np.round(places.mean(axis=0))
+            for component, values in zip(self._state, (*(places - moved).T, *velocities.T), strict=True):
+                component[:] = values
+            self._origin = self._origin + moved
+            pose = pose.moved(-moved)
+            # How the jump has changed the bones' places to each other is caught up with slowly.
+            carried = before @ rotation.T + shift - moved
+            attached.lift[:] = wear.in_bones(attached, pose, carried) - attached.points
+        self._pose = pose
+        self._sound()
+        return pose
 
     def _try(self, motion: Motion, dt: float, before: list[NDArray[np.floating]]) -> None:
         """Take a step at half the size for as long as it explodes or, twice, does not converge."""
@@ -198,6 +253,7 @@ class Simulation:
                 self.retried += exploded
                 self.refined += refined and unconverged == 0
                 self.unconverged += unconverged > 0
+                self._note_lift(dt)
                 return
             exploded, refined = exploded or not sound, refined or sound
         raise self._diverged(substeps)
@@ -230,13 +286,14 @@ class Simulation:
                 self._restore(before)
         return Forecast(substeps, min(seconds))
 
-    def meter(self) -> Meter:
-        """Give a meter for this run."""
-        return Meter(self.assembly)
+    def meter(self, scene: Scene | None = None) -> Meter:
+        """Give a meter for this run, of the colliders of another scene of the same cloth where one is given."""
+        return Meter(self.assembly, scene)
 
-    def read(self, meter: Meter) -> Reading:
-        """Measure the cloth as it is now."""
-        return meter.read(self._state, self._pose.positions, self._pose.rotations_wxyz)
+    def read(self, meter: Meter, bones: Bones | None = None) -> Reading:
+        """Measure the cloth as it is now; a meter of another scene needs the poses of that scene's bones."""
+        pose = self._pose if bones is None else read_pose(bones, meter.scene.bones).moved(-self._origin)
+        return meter.read(self._state, pose, origin=self._origin)
 
     def _require_started(self) -> Assembly:
         if self._assembly is None:
@@ -256,6 +313,7 @@ class Simulation:
                 share = share * share * (3.0 - 2.0 * share)
                 attached.points[:] = spread + share * (worn - spread)
             self._advance(motion, SETTLING_FRAME, substeps)
+            self._note_lift(SETTLING_FRAME)
             for component in self._state[3:]:
                 component *= SETTLING_DAMPING
             speed = np.sqrt(sum(float(np.mean(np.square(c, dtype=float))) for c in self._state[3:]))
@@ -279,6 +337,12 @@ class Simulation:
         return self.solver.step(
             self.assembly, self._room, self._state, motion, duration=duration, substeps=substeps, threads=self.threads
         )
+
+    def _note_lift(self, duration: float) -> None:
+        """Note how far what bones hold has drifted out of colliders in a frame of `duration` [s]."""
+        attached = self.assembly.attached
+        if attached is not None:
+            attached.lift[:] += duration * attached.drift
 
     def _recenter(self) -> None:
         """Keep the cloth near the origin that its positions refer to: far from it single precision is coarse."""

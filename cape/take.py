@@ -1,6 +1,6 @@
 """What a simulation leaves behind."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 
@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.colliders import Collider
+from cape.contact_points import ContactPoints
+from cape.scene import Scene
 from skeleton.capsules import Capsule
 from skeleton.track import BoneTrack
 
@@ -35,6 +37,11 @@ class Take:
         compile_s: time spent on compiling before the first step [s].
         settle_s: time spent on putting the cloth on and letting it settle before the first frame [s].
         solve_s: time spent on the steps of the F frames [s].
+        thickness: of the colliders that have none of their own [m].
+        held: indices of the vertices that bones hold.
+        left_out: why colliders were left out of the run, by name.
+        contacts: of the vertices that no bone holds with all colliders, at the end of each frame; None if not noted.
+        jumps: frames at which the bones had jumped and the cloth was carried along or put on anew.
         result: "finished", "finished with warnings", "diverged at frame N", or "stopped at frame N" by the user.
         warnings: what to look at, a sentence each.
     """
@@ -55,8 +62,18 @@ class Take:
     compile_s: float
     settle_s: float
     solve_s: float
+    thickness: float = Scene.thickness
+    held: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    contacts: ContactPoints | None = None
+    jumps: tuple[int, ...] = ()
     result: str = "finished"
     warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def thicknesses(self) -> FloatArray:
+        """Distance at which each collider stops the cloth [m], shape (C,)."""
+        return np.array([self.thickness if c.thickness is None else c.thickness for c in self.colliders], dtype=float)
 
     @property
     def capsules(self) -> tuple[Capsule, ...]:
@@ -69,7 +86,7 @@ class Take:
         Args:
             path: the recording, by custom with the suffix .rrd; one that is there is replaced when the new one is
                 complete.
-            layers: which of "cape", "skeleton", "hitboxes", "floor" and "plots" to write, None for all.
+            layers: which of `cape.record.LAYERS` to write, such as "cape" or "hitboxes", None for all.
 
         Raises:
             UnknownNameError: a layer doesn't exist.

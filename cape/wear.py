@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 
 from cape.assemble import Assembly
 from cape.attach import Attachment
-from cape.measure import deepest
+from cape.kernels.records import Attached
 from cape.poses import Pose
 from cape.scene import WEARER_ROLES, Scene
+from cape.solids import signed_distance
 from motions import quaternions
 from motions.errors import ValueRangeError
 
@@ -56,14 +57,24 @@ def held_by(scene: Scene, attachment: Attachment, pose: Pose, positions: FloatAr
     if attachment.within is None:
         return attachment.vertices
     bone = pose.positions[scene.bones.index(attachment.bone)]
-    worn = _worn(scene, pose, positions)[attachment.vertices]
-    near = attachment.vertices[np.linalg.norm(worn - bone, axis=1) <= attachment.within]
+    off = np.linalg.norm(places_worn(scene, pose, positions)[attachment.vertices] - bone, axis=1)
+    near = attachment.vertices[off <= attachment.within]
     if near.size == 0:
-        closest = np.linalg.norm(worn - bone, axis=1).min()
         raise ValueRangeError(
-            f"no vertex is within {attachment.within} m of {attachment.bone!r}; the closest is {closest:.3f} m off"
+            f"no vertex is within {attachment.within} m of {attachment.bone!r}; the closest is {off.min():.3f} m off"
         )
     return near
+
+
+def places_worn(scene: Scene, pose: Pose, positions: FloatArray) -> FloatArray:
+    """Where the vertices would be held, with nothing in the way [m]: the neckline for the top row, else their start."""
+    cloth = scene.cloth
+    if cloth.neckline is None:
+        return positions
+    rotation, origin = _wearer(scene, pose)
+    worn = positions.copy()
+    worn[: len(cloth.neckline)] = origin + cloth.neckline @ rotation.T
+    return worn
 
 
 def hold_points(
@@ -76,18 +87,12 @@ def hold_points(
     scene, attached = assembly.scene, assembly.attached
     if attached is None:
         return np.zeros((0, 3)), np.zeros((0, 3))
-    origin = pose.positions[attached.bones]
-    turn = pose.rotations_wxyz[attached.bones]
     chosen = np.concatenate(held)
-
-    def in_bones(points: FloatArray) -> FloatArray:
-        return quaternions.rotate(quaternions.conjugate(turn), points[chosen] - origin)
-
-    worn = _worn(scene, pose, positions)
+    worn = places_worn(scene, pose, positions)
     if scene.cloth.neckline is not None:
         neckline = worn[: len(scene.cloth.neckline)]
-        neckline += _lift(assembly, pose, neckline)
-    worn, spread = in_bones(worn), in_bones(positions)
+        neckline += _lift(scene, pose, neckline)
+    worn, spread = in_bones(attached, pose, worn[chosen]), in_bones(attached, pose, positions[chosen])
     first = 0
     for attachment, vertices in zip(scene.attachments, held, strict=True):
         if attachment.points is not None:
@@ -96,29 +101,37 @@ def hold_points(
     return worn, worn if scene.cloth.frame == "world" else spread
 
 
+def in_bones(attached: Attached, pose: Pose, points: FloatArray) -> FloatArray:
+    """Points of the world [m], shape (n, 3), in the frames of the bones that hold n vertices."""
+    turn = quaternions.conjugate(pose.rotations_wxyz[attached.bones])
+    return quaternions.rotate(turn, points - pose.positions[attached.bones])
+
+
+def held_points(attached: Attached, pose: Pose) -> FloatArray:
+    """Where bones hold n vertices in the world [m], shape (n, 3)."""
+    points = attached.points + attached.lift
+    return pose.positions[attached.bones] + quaternions.rotate(pose.rotations_wxyz[attached.bones], points)
+
+
 def _wearer(scene: Scene, pose: Pose) -> tuple[FloatArray, FloatArray]:
     left, right, pelvis = (pose.positions[scene.bones.index(role)] for role in WEARER_ROLES)
     return wearer_to_world(left, right, pelvis)
 
 
-def _worn(scene: Scene, pose: Pose, positions: FloatArray) -> FloatArray:
-    """Where the vertices would be held [m]: the neckline for the top row, otherwise where they start."""
-    cloth = scene.cloth
-    if cloth.neckline is None:
-        return positions
-    rotation, origin = _wearer(scene, pose)
-    worn = positions.copy()
-    worn[: len(cloth.neckline)] = origin + cloth.neckline @ rotation.T
-    return worn
-
-
-def _lift(assembly: Assembly, pose: Pose, neckline: FloatArray) -> FloatArray:
+def _lift(scene: Scene, pose: Pose, neckline: FloatArray) -> FloatArray:
     """The least way up the wearer's trunk that takes the neckline clear of all colliders [m], shape (3,)."""
-    counted = np.ones(len(neckline), dtype=bool)
-    up = _wearer(assembly.scene, pose)[0][:, 2]
+    up = _wearer(scene, pose)[0][:, 2]
     for height in np.arange(0.0, HIGHEST_LIFT, LIFT_STEP):
-        points = neckline + height * up
-        inside, _ = deepest(assembly, tuple(points.T), counted, pose, margin=assembly.scene.thickness)
-        if inside == 0.0:
+        if not _touches(scene, pose, neckline + height * up):
             return height * up
     return np.zeros(3)
+
+
+def _touches(scene: Scene, pose: Pose, points: FloatArray) -> bool:
+    """Tell whether one of the points in the world [m], shape (n, 3), is within the scene's thickness of a collider."""
+    for collider in scene.colliders:
+        bone = len(scene.bones) if collider.bone is None else scene.bones.index(collider.bone)
+        in_bone = (points - pose.positions[bone]) @ quaternions.to_matrix(pose.rotations_wxyz[bone])
+        if (signed_distance(collider, in_bone) < scene.thickness).any():
+            return True
+    return False

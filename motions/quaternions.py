@@ -49,6 +49,20 @@ def from_rotation_vector(vectors: ArrayLike) -> FloatArray:
     return np.concatenate([np.cos(half), vectors * np.sinc(half / np.pi) / 2], axis=-1)
 
 
+def from_z_axis(directions: ArrayLike) -> FloatArray:
+    """Unit quaternions of the shortest rotations that take +Z to the directions, shape (..., 3) to (..., 4).
+
+    A zero direction gives the identity; for -Z, where any horizontal axis will do, it is X.
+    """
+    x, y, z = np.moveaxis(np.asarray(directions, dtype=float), -1, 0)
+    horizontal = np.hypot(x, y)
+    angles = np.arctan2(horizontal, z)
+    axes = np.stack([-y, x, np.zeros_like(x)], axis=-1)
+    safe = np.where(horizontal > 0, horizontal, 1.0)[..., None]
+    axes = np.where(horizontal[..., None] > 0, axes / safe, np.array([1.0, 0.0, 0.0]))
+    return from_rotation_vector(axes * angles[..., None])
+
+
 def to_rotation_vector(q: FloatArray) -> FloatArray:
     """Axis times angle [rad], the angle at most pi; (..., 4) to (..., 3). The inverse of `from_rotation_vector`."""
     q = np.where(q[..., :1] < 0.0, -q, q)

@@ -37,6 +37,7 @@ class Capsule:
         end: the other end in the bone's frame [m], shape (3,).
         radius: [m].
         friction: Coulomb coefficient against cloth, None for the scene's default.
+        thickness: distance from the surface at which cloth is stopped [m], None for the scene's default.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Capsule:
     end: NDArray[np.float64]
     radius: float
     friction: float | None = None
+    thickness: float | None = None
 
     def __post_init__(self):
         """Copy, check and freeze the ends."""

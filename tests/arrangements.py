@@ -139,7 +139,8 @@ def _plane(random: np.random.Generator, index: int) -> Collider:
 def _parked() -> list[Collider]:
     """One of each kind where nothing comes."""
     kinds: list[Collider] = [
-        Sphere(name="parked sphere", center=PARKED, radius=0.1),
+        # So small that triangles must be kept out of it, as they must of some capsules that count.
+        Sphere(name="parked sphere", center=PARKED, radius=0.001),
         Capsule("parked capsule", None, PARKED, PARKED + 0.1, 0.1),
         Box(name="parked box", center=PARKED),
         Plane(name="parked plane", point=PARKED),
@@ -148,7 +149,7 @@ def _parked() -> list[Collider]:
         kinds.append(
             _Tapered(
                 name="parked tapered", bone=None, start=PARKED, end=PARKED + 0.3,
-                start_radius=0.1, end_radius=0.05,
+                start_radius=0.1, end_radius=0.001,
             )
         )  # fmt: skip
     return kinds

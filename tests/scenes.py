@@ -82,6 +82,9 @@ class Run:
             self.assembly, self.room, self.state, motion, duration=duration, substeps=substeps, threads=self.threads
         )
         self.pose = following
+        attached = self.assembly.attached
+        if attached is not None:
+            attached.lift[:] += duration * attached.drift
         return unconverged
 
     def settle(self, frames: int, substeps: int, *, damping: float = 0.9) -> None:

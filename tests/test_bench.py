@@ -129,7 +129,8 @@ def test_a_feature_has_code_of_its_own_and_its_absence_has_not():
         subject = Subject(assemble_standing(variant.scene), sheet(80).track, SymplecticEuler(precision="single"))
         found[variant.label] = code_types(subject)
     same = {v.label for v in variants(80) if v.over is not None and found[v.label] == found[v.over]}
-    assert same == {"statistics", "all of these switched off"}
+    # Friction is a number that is asked for where a vertex touches, too seldom to be worth another compilation.
+    assert same == {"friction", "statistics", "all of these switched off"}
     assert found["capsules out of reach"] == found["capsules touched"] != found[WHOLE]
 
 

@@ -1,6 +1,8 @@
 """The installed command, as a user calls it."""
 
 import json
+import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,8 +16,21 @@ import motions
 CAPE = Path(sys.executable).with_name("cape")
 
 
-def cape(*arguments: str | Path, folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([CAPE, *map(str, arguments)], cwd=folder, capture_output=True, text=True, timeout=300)
+def cape(*arguments: str | Path, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [CAPE, *map(str, arguments)],
+        cwd=folder,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+def entities_of(recording: Path) -> set[str]:
+    import rerun as rr
+
+    return {chunk.entity_path for chunk in rr.chunk.RrdReader(recording).stream()}
 
 
 def one_frame(path: Path) -> None:
@@ -57,6 +72,7 @@ BAD = {
     "no number": (["replay", "--spacing", "wide"], "--spacing"),
     "a wind of two numbers": (["replay", "--wind", "1", "2"], "--wind"),
     "a wind that is not finite": (["replay", "--wind", "nan", "0", "0"], "wind"),
+    "an unknown way to treat cuts": (["replay", "--cuts", "tear"], "carry"),
     "no substeps": (["replay", "--substeps", "0"], "substeps"),
     "no frame rate": (["replay", "--fps", "0"], "fps"),
     "a start after the end": (["replay", "--start", "3", "--end", "2"], "3 s"),
@@ -88,7 +104,7 @@ def test_a_users_mistake_is_one_line_and_status_2(case, broken):
 
 KEYS = [
     "frames", "fps", "vertices", "bones", "capsules", "solver", "substeps", "compile_s", "solve_s", "realtime_factor",
-    "stretch_max", "stretch_p99", "penetration_max_mm", "result", "warnings", "output",
+    "stretch_max", "stretch_p99", "penetration_max_mm", "left_out", "jumps", "result", "warnings", "output",
 ]  # fmt: skip
 
 
@@ -127,17 +143,68 @@ def test_options_reach_the_simulation(tmp_path):
     assert short["frames"] == 7
 
 
-def test_hitboxes_names_its_capsules(tmp_path):
-    done = cape("hitboxes", "kick", "-o", "boxes.rrd", folder=tmp_path)
+BEYOND = re.compile(r"at least \d+\.\d\d m beyond the cloth's reach of \d\.\d\d m")
+
+
+def unfolded(text: str) -> str:
+    """A table's text without the terminal's line breaks."""
+    return " ".join(text.split())
+
+
+def test_hitboxes_tell_of_each_collider_what_the_cape_does_to_it(tmp_path):
+    done = cape("hitboxes", "idle", "--end", "0.2", folder=tmp_path)
     assert done.returncode == 0
-    assert "left_forearm" in done.stdout
-    assert (tmp_path / "boxes.rrd").stat().st_size > 10_000
+    told = unfolded(done.stdout)
+    assert re.search(
+        r"left_chest capsule of 122 mm on Spine1, thickness 5 mm; kept: within .* touched in 13 frames", told
+    )
+    assert re.search(
+        rf"left_foot capsule of 38 mm on LeftFoot, thickness 5 mm; left out: {BEYOND.pattern}; never", told
+    )
+    assert re.search(rf"floor plane that stands still, thickness 5 mm; left out: {BEYOND.pattern}; never", told)
+    assert [p.name for p in tmp_path.iterdir()] == ["idle_hitboxes.rrd"]
+    entities = entities_of(tmp_path / "idle_hitboxes.rrd")
+    assert {"/world/cape", "/world/hitboxes", "/world/shells", "/world/contacts/points"} <= entities
+
+
+def test_bare_hitboxes_need_no_simulation(tmp_path):
+    """Nothing compiled is called: the compiler is off, with which simulating would take minutes."""
+    done = cape("hitboxes", "kick", "--bare", folder=tmp_path, NUMBA_DISABLE_JIT="1")
+    assert done.returncode == 0
+    told = unfolded(done.stdout)
+    assert "left_forearm capsule of 37 mm on LeftForeArm, thickness 5 mm; kept: within" in told
+    assert re.search(rf"floor plane that stands still, thickness 5 mm; left out: {BEYOND.pattern}", told)
+    assert [p.name for p in tmp_path.iterdir()] == ["kick_hitboxes.rrd"]
+    entities = entities_of(tmp_path / "kick_hitboxes.rrd")
+    assert {"/world/hitboxes", "/world/shells", "/world/colliders/floor"} <= entities
+    assert not {"/world/cape", "/world/contacts/points"} & entities
+
+
+def test_a_check_measures_apart_from_the_solver(tmp_path):
+    base = ["replay", "walk", "--end", "0.2", "-o", "out.rrd"]
+    facts = json.loads(cape(*base, "--check", "--json", folder=tmp_path).stdout)
+    assert set(facts["check"]) == {"vertices", "faces"}
+    assert 0.0 <= facts["check"]["vertices"]["depth_mm"] <= facts["check"]["faces"]["depth_mm"] < 5.0
+    # The recording's positions are rounded to single precision.
+    assert facts["check"]["vertices"]["depth_mm"] == pytest.approx(facts["penetration_max_mm"], abs=2e-3)
+    assert "check" not in json.loads(cape(*base, "--json", folder=tmp_path).stdout)
+    assert re.search(r"check of faces +\d+\.\d mm", cape(*base, "--check", folder=tmp_path).stdout)
+
+
+def test_replay_says_what_it_left_out_and_why(tmp_path):
+    base = ["replay", "idle", "--end", "0.2", "-o", "out.rrd"]
+    left_out = json.loads(cape(*base, "--json", folder=tmp_path).stdout)["left_out"]
+    assert set(left_out) == {"left_foot", "right_foot", "floor"}
+    assert all(BEYOND.fullmatch(reason) for reason in left_out.values())
+    assert f"left out floor: {left_out['floor']}" in unfolded(cape(*base, folder=tmp_path).stdout)
+    info = unfolded(cape("info", "idle", folder=tmp_path).stdout)
+    assert re.search(rf"beyond reach floor: {BEYOND.pattern}", info)
 
 
 def test_clips_and_info_tell_what_there_is(tmp_path):
     assert all(name in cape("clips", folder=tmp_path).stdout for name in motions.clip_names())
     told = cape("info", "spin", folder=tmp_path).stdout
-    for word in ("60 fps", "left_shoulder: LeftShoulder", "unit: cm", "1.75 m"):
+    for word in ("60 fps", "left_shoulder: LeftShoulder", "unit: cm", "1.75 m", "no jump"):
         assert word in told
 
 

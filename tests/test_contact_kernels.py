@@ -6,13 +6,24 @@ They also run with the compiler off: NUMBA_DISABLE_JIT=1.
 import numpy as np
 import pytest
 from scenes import turn_about
-from shapes import box_distance, capsule_distance
+from shapes import FloatArray, capsule_distance, collide, moving, record, reference_distance, still, tapered_sizes
 
-from cape.kernels import contact, measure, records
+from cape.kernels import contact, measure
+from cape.kernels.records import MotionRoom, State
+from cape.kernels.shapes import Boxes, Capsules, Planes, Shapes, TaperedCapsules
+from cape.kernels.watch import TILE
 from motions import quaternions
 
 # A few dozen operations on numbers near one.
 ROUNDING = 1e-13
+
+SIZES = {
+    Capsules: (0.4, 0.3, 0.0, 0.0),
+    TaperedCapsules: tapered_sizes(0.5, 0.4, 0.2),
+    Boxes: (0.6, 0.4, 0.5, 0.0),
+    Planes: (0.0, 0.0, 0.0, 0.0),
+}
+every_kind = pytest.mark.parametrize("kind", SIZES, ids=lambda k: k.__name__)
 
 
 @pytest.fixture
@@ -20,185 +31,211 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(7)
 
 
-def responded(p, v, depth, n, friction, step, place, velocity, spin) -> tuple[np.ndarray, np.ndarray]:
+def state(positions: FloatArray, velocities: FloatArray | None = None) -> State:
+    """A state of copies; both (3, N)."""
+    speeds = np.zeros_like(positions) if velocities is None else velocities
+    return State(*(np.array(c, float) for c in (*positions, *speeds)))
+
+
+def places(s: State) -> FloatArray:
+    return np.stack(s[:3]).astype(float)
+
+
+def speeds(s: State) -> FloatArray:
+    return np.stack(s[3:]).astype(float)
+
+
+def stopped(r: FloatArray, n: FloatArray, friction: float) -> FloatArray:
+    """A velocity relative to a surface, after contact."""
+    into = -(r @ n)
+    if into <= 0:
+        return r
+    slides = r + into * n
+    speed = np.linalg.norm(slides)
+    return slides if speed == 0 else slides * max(0.0, 1 - friction * into / speed)
+
+
+# -- the law of contact --
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3, 5.0])
+def test_what_is_stopped_keeps_no_speed_inwards_and_loses_what_coulomb_s_cone_allows(rng, friction):
+    for _ in range(50):
+        r, n = rng.standard_normal((2, 3))
+        n /= np.linalg.norm(n)
+        *after, inwards = contact.stopped(*r, *n, friction)
+        assert inwards == pytest.approx(-(r @ n), abs=ROUNDING)
+        np.testing.assert_allclose(after, stopped(r, n, friction), atol=ROUNDING)
+        impulse = np.array(after) - r
+        if r @ n >= 0:
+            np.testing.assert_array_equal(after, r)
+            continue
+        assert np.array(after) @ n == pytest.approx(0.0, abs=ROUNDING)
+        pressed, dragged = impulse @ n, impulse - (impulse @ n) * n
+        assert np.linalg.norm(dragged) <= friction * pressed + ROUNDING
+        # It slides on the way it did, or sticks.
+        slides = r - (r @ n) * n
+        assert np.linalg.norm(np.cross(after, slides)) < ROUNDING
+        assert np.array(after) @ slides >= 0.0
+        if np.linalg.norm(after) > ROUNDING:
+            assert np.linalg.norm(dragged) == pytest.approx(friction * pressed, abs=ROUNDING)
+
+
+def test_what_does_not_slide_has_no_friction_to_divide_by():
+    assert contact.stopped(0.0, 0.0, -2.0, 0.0, 0.0, 1.0, 0.5) == (0.0, 0.0, 0.0, 2.0)
+
+
+def responded(p, v, depth, n, friction, back, most, surface) -> tuple[FloatArray, FloatArray]:
     """Contact of one vertex, as the module's text says it: position and velocity after."""
-    surface = velocity + np.cross(spin, p - place)
     relative = v - surface
-    into = -(relative @ n)
-    if into > 0:
-        sliding = relative + into * n
-        speed = np.linalg.norm(sliding)
-        sliding = sliding * max(0.0, 1 - friction * into / speed) if speed > 0 else sliding
-        moved = step * (surface + sliding - v)
-        p, v, depth = p + moved, surface + sliding, depth - moved @ n
-    return (p + depth * n, v) if depth > 0 else (p, v)
+    if relative @ n < 0:
+        after = surface + stopped(relative, n, friction)
+        p, v, depth = p + back * (after - v), after, depth - back * (after - v) @ n
+    return p + min(max(depth, 0.0), most) * n, v
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3, 5.0])
 def test_response_to_contact(rng: np.random.Generator, friction: float):
-    p, v = rng.standard_normal((2, 3, 20))
-    place, velocity, spin = rng.standard_normal((3, 2, 3))
-    x, u, step = p.copy(), v.copy(), 0.05
-    for i in range(20):
-        n = quaternions.normalize(rng.standard_normal(4))[1:]
+    p, v = rng.standard_normal((2, 3, 40))
+    here, velocity, spin = rng.standard_normal((3, 2, 3))
+    m, s, back, most = moving(velocity, spin=spin, place=here), state(p, v), 0.05, 0.04
+    for i in range(40):
+        n = rng.standard_normal(3)
         n /= np.linalg.norm(n)
-        depth = rng.uniform(0, 0.1)
-        contact.respond(i, depth, *n, 1, friction, step, place, velocity, spin, *x, *u)
-        expected = responded(p[:, i], v[:, i], depth, n, friction, step, place[1], velocity[1], spin[1])
-        np.testing.assert_allclose(x[:, i], expected[0], atol=ROUNDING)
-        np.testing.assert_allclose(u[:, i], expected[1], atol=ROUNDING)
+        depth = rng.uniform(-0.05, 0.1)
+        surface = velocity[1] + np.cross(spin[1], p[:, i] - here[1])
+        speed = contact.respond(i, depth, *n, 1, friction, back, most, m, s)
+        expected = responded(p[:, i], v[:, i], depth, n, friction, back, most, surface)
+        np.testing.assert_allclose(places(s)[:, i], expected[0], atol=ROUNDING)
+        np.testing.assert_allclose(speeds(s)[:, i], expected[1], atol=ROUNDING)
+        assert speed == pytest.approx(-(v[:, i] - surface) @ n, abs=ROUNDING)
 
 
-def capsules_in_space(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Bones, ends and radii of five capsules, the last of them a sphere."""
-    starts, ends = 2 * rng.standard_normal((2, 5, 3))
-    ends[4] = starts[4]
-    return np.array([0, 1, 1, 0, 1]), starts, ends, rng.uniform(0.2, 0.6, 5)
+# -- out of shapes --
 
 
-def test_capsules_near_a_block_are_all_that_it_can_reach(rng: np.random.Generator):
-    count, horizon, slack, thickness = 100, 0.05, 0.01, 0.005
-    p, v = 3 * rng.standard_normal((3, count)), rng.standard_normal((3, count))
-    owner, starts, ends, radius = capsules_in_space(rng)
-    place, velocity, spin = rng.standard_normal((3, 2, 3))
-    matrices = quaternions.to_matrix(quaternions.normalize(rng.standard_normal((2, 4))))
-    placed, near = np.zeros((5, 8)), np.zeros((-(-count // contact.BLOCK), 6), dtype=np.int64)
-    contact.place_capsules(owner, starts, ends, place, matrices, placed)
-    for c in range(5):
-        np.testing.assert_allclose(placed[c, :3], place[owner[c]] + matrices[owner[c]] @ starts[c], atol=ROUNDING)
-        np.testing.assert_allclose(placed[c, 3:6], place[owner[c]] + matrices[owner[c]] @ ends[c], atol=ROUNDING)
-    assert placed[4, 7] == 0.0
-    contact.find_near(
-        0, p.shape[1], *p, *v, placed, radius, thickness, owner, place, velocity, spin, horizon, slack, near
+def tilted(kind: type[Shapes], rng: np.random.Generator, **settings) -> tuple[Shapes, MotionRoom, FloatArray]:
+    """A collider aslant on a bone that is aslant; the bone; shape_to_world as a matrix (3, 4)."""
+    bone, frame = turn_about((0.6, 0.0, 0.8), 0.7), turn_about((0, 0.6, 0.8), 0.4)
+    here, origin = np.array([0.1, 0.2, -0.1]), np.array([0.05, -0.1, 0.2])
+    turned = quaternions.to_matrix(frame)
+    shapes = record(kind, SIZES[kind], origins=origin, frames=turned[None], **settings)
+    matrix = quaternions.to_matrix(bone)
+    m = moving(np.zeros((1, 3)), place=here[None], matrix=matrix[None])
+    return shapes, m, np.column_stack([matrix @ turned, here + matrix @ origin])
+
+
+def world_distance(kind: type[Shapes], to_world: FloatArray, points: FloatArray) -> FloatArray:
+    """Reference distance of points (3, N) of the world."""
+    return reference_distance(kind, SIZES[kind], (points.T - to_world[:, 3]) @ to_world[:, :3])
+
+
+@every_kind
+def test_colliding_takes_every_free_vertex_out(rng: np.random.Generator, kind: type[Shapes]):
+    count, thickness, step = 8 * TILE + 5, 0.02, 0.5
+    p = rng.uniform(-0.6, 0.8, (3, count))
+    shapes, m, to_world = tilted(kind, rng, thickness=thickness, friction=0.3, vertices=count)
+    s, free = state(p), rng.uniform(size=count) < 0.8
+    collide(0, count, free, s, None, shapes, m, 1.0, 0, step)
+    entered = free & (world_distance(kind, to_world, p) < thickness)
+    assert 3 < entered.sum() < count - 3
+    np.testing.assert_allclose(world_distance(kind, to_world, places(s))[entered], thickness, atol=1e-12)
+    np.testing.assert_array_equal(places(s)[:, ~entered], p[:, ~entered])
+    # At rest, so depth has not turned into speed.
+    np.testing.assert_array_equal(speeds(s), 0.0)
+
+
+@every_kind
+def test_what_is_deep_inside_leaves_no_faster_than_it_may(rng: np.random.Generator, kind: type[Shapes]):
+    count, thickness, step = 2 * TILE, 0.02, 0.01
+    shapes, m, to_world = tilted(kind, rng, thickness=thickness, vertices=count)
+    p = to_world[:, 3:] + 0.25 * rng.uniform(-1, 1, (3, count))
+    s, free = state(p), np.ones(count, bool)
+    before = world_distance(kind, to_world, p)
+    for turn in range(3):
+        collide(0, count, free, s, None, shapes, m, 1.0, turn, step)
+    after = world_distance(kind, to_world, places(s))
+    assert (before < thickness - 3 * contact.EXIT * step).sum() > 4
+    np.testing.assert_allclose(
+        after, np.where(before < thickness, np.minimum(before + 3 * contact.EXIT * step, thickness), before), atol=1e-12
     )
-    for block in range(near.shape[0]):
-        members = slice(block * contact.BLOCK, (block + 1) * contact.BLOCK)
-        fastest = np.linalg.norm(v[:, members], axis=0).max()
-        expected = []
-        for c, b in enumerate(owner):
-            speeds = [np.linalg.norm(velocity[b] + np.cross(spin[b], placed[c, k : k + 3] - place[b])) for k in (0, 3)]
-            reach = thickness + slack + horizon * (fastest + max(speeds))
-            if capsule_distance(p[:, members].T, placed[c, :3], placed[c, 3:6], radius[c]).min() < reach:
-                expected.append(c)
-        assert near[block, 1 : 1 + near[block, 0]].tolist() == expected
-    assert 0 < near[:, 0].sum() < near.shape[0] * 5
+    np.testing.assert_array_equal(speeds(s), 0.0)
+
+
+def test_only_the_asked_vertices_and_share_of_the_thickness_are_kept_out():
+    count, thickness = 3 * TILE, 0.02
+    shapes = record(Planes, SIZES[Planes], thickness=thickness, vertices=count)
+    p = np.zeros((3, count))
+    s = state(p)
+    collide(TILE, 2 * TILE, np.ones(count, bool), s, None, shapes, still(), 0.5, 0, 0.1)
+    np.testing.assert_allclose(s.z[TILE : 2 * TILE], 0.5 * thickness, atol=ROUNDING)
+    np.testing.assert_array_equal(s.z[:TILE], 0.0)
+    np.testing.assert_array_equal(s.z[2 * TILE :], 0.0)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3], ids=["one sphere", "two that overlap", "three in a row"])
-def test_colliding_takes_every_free_vertex_out(rng: np.random.Generator, count: int):
-    size, thickness, step, radius = 3 * contact.BLOCK - 5, 0.02, 0.01, np.full(count, 0.5)
-    placed = np.zeros((count, 8))
-    placed[:, 0] = placed[:, 3] = np.array([0.0, 0.2, 0.75])[:count]
-    p, u = rng.uniform(-0.1, 0.1, (3, size)), np.zeros((3, size))
+def test_vertices_are_led_around_all_that_overlap(rng: np.random.Generator, count: int):
+    size, thickness, step = 3 * TILE - 5, 0.02, 0.5
+    centers = np.zeros((count, 3))
+    centers[:, 0] = [0.0, 0.2, 0.75][:count]
+    shapes = record(Capsules, np.tile((0, 0.5, 0, 0), (count, 1)), thickness=thickness, origins=centers, vertices=size)
+    p = rng.uniform(-0.1, 0.1, (3, size))
     p[0] += rng.choice([0.1, 0.71], size)
-    free = rng.uniform(size=size) < 0.9
-    near = np.tile(np.array([count, *range(count)]), (-(-size // contact.BLOCK), 1))
-    still, owner, friction = np.zeros((1, 3)), np.zeros(count, dtype=np.int64), np.full(count, 0.3)
-    x, touched = p.copy(), np.zeros(contact.BLOCK, dtype=np.int64)
-    contact.collide_capsules(
-        0,
-        x.shape[1],
-        free,
-        *x,
-        *u,
-        near,
-        touched,
-        owner,
-        placed,
-        radius,
-        friction,
-        thickness,
-        step,
-        still,
-        still,
-        still,
-    )
+    s, free = state(p), rng.uniform(size=size) < 0.9
+    collide(0, size, free, s, None, shapes, still(), 1.0, 0, step)
 
-    def distance(points: np.ndarray) -> np.ndarray:
-        return np.min([capsule_distance(points.T, c[:3], c[3:6], 0.5) for c in placed], axis=0)
+    def distance(points: FloatArray) -> FloatArray:
+        return np.min([capsule_distance(points.T, c, c, 0.5) for c in centers], axis=0)
 
     entered = free & (distance(p) < thickness)
-    assert contact.BLOCK < entered.sum() < size
+    assert TILE < entered.sum() < size
     # The way out of one may lead into another: what is left is no more than a vertex may graze.
-    assert distance(x)[entered].min() > thickness - (contact.GRAZE if count > 1 else ROUNDING)
-    np.testing.assert_array_equal(x[:, ~entered], p[:, ~entered])
-    # At rest, so depth has not turned into speed.
-    np.testing.assert_array_equal(u, 0.0)
+    assert distance(places(s))[entered].min() > thickness - (contact.GRAZE if count > 1 else 0.0) - ROUNDING
+    np.testing.assert_array_equal(places(s)[:, ~entered], p[:, ~entered])
+    np.testing.assert_array_equal(speeds(s), 0.0)
 
 
-def tilted_bone() -> tuple[np.ndarray, np.ndarray]:
-    """Position and matrix bone_to_world of a single bone, shapes (1, 3) and (1, 3, 3)."""
-    return np.array([[0.1, 0.2, -0.1]]), quaternions.to_matrix(turn_about((0.6, 0.0, 0.8), 0.7))[None]
+# -- what is measured --
 
 
-def test_colliding_with_a_plane_that_a_bone_carries(rng: np.random.Generator):
-    thickness, step, still = 0.02, 0.01, np.zeros((1, 3))
-    p, u = rng.uniform(-1, 1, (3, 60)), np.zeros((3, 60))
-    place, matrices = tilted_bone()
-    point, normal = np.array([[0.05, -0.1, 0.2]]), np.array([[0.48, 0.6, 0.64]])
-
-    def height(points: np.ndarray) -> np.ndarray:
-        return ((points.T - place) @ matrices[0] - point) @ normal[0]
-
-    x, free = p.copy(), rng.uniform(size=60) < 0.8
-    owner, friction = np.zeros(1, dtype=np.int64), np.array([0.3])
-    contact.collide_planes(
-        0, x.shape[1], free, *x, *u, owner, point, normal, friction, thickness, step, place, matrices, still, still
-    )
-    entered = free & (height(p) < thickness)
-    assert 10 < entered.sum() < 50
-    np.testing.assert_allclose(height(x)[entered], thickness, atol=ROUNDING)
-    np.testing.assert_array_equal(x[:, ~entered], p[:, ~entered])
-
-
-def test_colliding_with_a_box_that_a_bone_carries(rng: np.random.Generator):
-    thickness, step, still = 0.02, 0.01, np.zeros((1, 3))
-    p, u = rng.uniform(-1, 1, (3, 60)), np.zeros((3, 60))
-    place, matrices = tilted_bone()
-    center, halves = np.array([[0.05, -0.1, 0.2]]), np.array([[0.6, 0.4, 0.5]])
-    frame = quaternions.to_matrix(turn_about((0, 0.6, 0.8), 0.4))[None]
-
-    def distance(points: np.ndarray) -> np.ndarray:
-        return box_distance(((points.T - place) @ matrices[0] - center) @ frame[0], halves[0])
-
-    x, free = p.copy(), rng.uniform(size=60) < 0.8
-    owner, friction = np.zeros(1, dtype=np.int64), np.array([0.3])
-    contact.collide_boxes(
-        0, x.shape[1], free, *x, *u, owner, center, halves, frame, np.zeros((3, 3)), friction, thickness, step,
-        place, matrices, still, still,
-    )  # fmt: skip
-    entered = free & (distance(p) < thickness)
-    assert 3 < entered.sum() < 50
-    np.testing.assert_allclose(distance(x)[entered], thickness, atol=ROUNDING)
-    np.testing.assert_array_equal(x[:, ~entered], p[:, ~entered])
-
-
-def test_depth_in_each_kind_of_shape(rng: np.random.Generator):
-    p = rng.uniform(-1, 1, (3, 60))
-    counted = rng.uniform(size=60) < 0.7
-    owner, zero, margin = np.zeros(2, dtype=np.int64), np.zeros(2), 0.01
-    place, matrices = tilted_bone()
-    in_bone = ((p.T - place) @ matrices[0])[counted]
-
-    starts, ends, radius = rng.uniform(-1, 1, (2, 3)), rng.uniform(-1, 1, (2, 3)), np.array([0.4, 0.5])
-    room = np.zeros((2, 8)), np.zeros((2, 3), np.int64), np.zeros(contact.BLOCK, np.int64)
-    capsules = records.Capsules(owner, starts, ends, radius, zero, *room)
-    depths = [margin - capsule_distance(in_bone, starts[c], ends[c], radius[c]).min() for c in range(2)]
-    found = measure.depth_in_capsules(*p, counted, capsules, margin, place, matrices)
-    assert found == (pytest.approx(max(depths), abs=ROUNDING), np.argmax(depths))
-
-    points, normals = rng.uniform(-0.5, 0.5, (2, 3)), np.array([[0, 0.6, 0.8], [0.8, 0.0, -0.6]])
-    planes = records.Planes(owner, points, normals, zero)
-    depths = [margin - ((in_bone - points[k]) @ normals[k]).min() for k in range(2)]
-    found = measure.depth_in_planes(*p, counted, planes, margin, place, matrices)
-    assert found == (pytest.approx(max(depths), abs=ROUNDING), np.argmax(depths))
-
-    halves = rng.uniform(0.2, 0.6, (2, 3))
+@every_kind
+def test_contacts_and_the_deepest_of_each_kind_of_shape(rng: np.random.Generator, kind: type[Shapes]):
+    p, counted, thickness = rng.uniform(-1, 1, (3, 300)), rng.uniform(size=300) < 0.7, 0.1
+    rotation, here = turn_about((0.6, 0.0, 0.8), 0.7), np.array([0.1, 0.2, -0.1])
+    origins = rng.uniform(-0.5, 0.5, (2, 3))
     frames = quaternions.to_matrix(quaternions.normalize(rng.standard_normal((2, 4))))
-    boxes = records.Boxes(owner, points, halves, frames, zero, np.zeros((3, 3)))
-    depths = [margin - box_distance((in_bone - points[k]) @ frames[k], halves[k]).min() for k in range(2)]
-    found = measure.depth_in_boxes(*p, counted, boxes, margin, place, matrices)
-    assert found == (pytest.approx(max(depths), abs=ROUNDING), np.argmax(depths))
+    shapes = record(kind, [SIZES[kind]] * 2, thickness=thickness, origins=origins, frames=frames, bones=[0, 1])
+    bones = np.array([here, [0.3, 0.0, 0.0]]), np.array([rotation, [1.0, 0.0, 0.0, 0.0]])
 
-    away = np.zeros(60, dtype=bool)
-    assert measure.depth_in_boxes(*p, away, boxes, margin, place, matrices) == (0.0, -1)
+    def distances_to(c: int, points: FloatArray) -> FloatArray:
+        in_bone = (points - bones[0][c]) @ quaternions.to_matrix(bones[1][c])
+        return reference_distance(kind, SIZES[kind], (in_bone - origins[c]) @ frames[c])
+
+    distances = np.array([distances_to(c, p.T) for c in range(2)])
+    expected = [(i, c) for c in range(2) for i in np.flatnonzero(counted & (distances[c] < thickness + measure.NEAR))]
+    deepest = -distances[:, counted].min(axis=1)
+
+    vertices, colliders, places = np.full(700, -1), np.full(700, -1), np.zeros((700, 7))
+    depth, which, count = measure.touching(
+        *p, counted, shapes, *bones, still(2), vertices[:650], colliders[:650], places[:650]
+    )
+    assert (depth, which) == (pytest.approx(deepest.max(), abs=1e-12), np.argmax(deepest))
+    assert len(expected) == count > 3
+    assert list(zip(vertices[:count], colliders[:count], strict=True)) == expected
+    for (i, c), row in zip(expected, places, strict=False):
+        point, normal = row[:3], row[3:6]
+        assert row[6] == pytest.approx(thickness - distances[c, i], abs=1e-12)
+        assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-12)
+        assert distances_to(c, point[None])[0] == pytest.approx(0.0, abs=1e-9)
+        np.testing.assert_allclose(point + distances[c, i] * normal, p[:, i], atol=1e-12)
+
+    # Too little room: what fits is the same, nothing is written beyond, and all are counted.
+    few, of, at = np.full(700, -1), np.full(700, -1), np.zeros((700, 7))
+    again = measure.touching(*p, counted, shapes, *bones, still(2), few[:3], of[:3], at[:3])
+    assert again == (depth, which, count)
+    np.testing.assert_array_equal(few[:3], vertices[:3])
+    np.testing.assert_array_equal(at[:3], places[:3])
+    assert (few[3:] == -1).all()
+    nothing = np.zeros(300, dtype=bool)
+    none = measure.touching(*p, nothing, shapes, *bones, still(2), few, of, at)
+    assert none == (0.0, -1, 0)

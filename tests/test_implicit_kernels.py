@@ -12,7 +12,7 @@ from cape.cloth import Cloth
 from cape.fabric import Fabric
 from cape.kernels import bones, conjugate, stages, stiffness
 from cape.kernels.forces import compute_forces
-from cape.kernels.records import State
+from cape.kernels.records import Motion, MotionRoom, State
 from cape.scene import Scene
 from cape.solvers import TRBDF2
 from cape.solvers.implicit import matrix_of
@@ -131,13 +131,13 @@ def test_bones_are_placed_at_any_time_of_the_frame(rng):
     turns = quaternions.normalize(rng.standard_normal((2, count, 4)))
     turns[1][0] = turns[0][0]
     places = rng.standard_normal((2, count, 3))
-    matrices, rates, velocity, spin, positions = bones.blank_motion(count)
-    bones.start_motion(places[0], turns[0], places[1], turns[1], duration, 1, matrices, rates, velocity, spin)
+    motion, room = Motion(places[0], turns[0], places[1], turns[1]), MotionRoom(*bones.blank_motion(count))
+    bones.start_motion(motion, room, duration, 1)
     for share in (0.0, 0.3, 1.0):
-        stages.place_at(share * duration, places[0], turns[0], velocity, spin, positions, matrices)
-        np.testing.assert_allclose(positions, (1 - share) * places[0] + share * places[1], atol=1e-13)
+        stages.place_at(share * duration, motion, room)
+        np.testing.assert_allclose(room.positions, (1 - share) * places[0] + share * places[1], atol=1e-13)
         along = quaternions.slerp(turns[0], turns[1], np.full(count, share))
-        np.testing.assert_allclose(matrices, quaternions.to_matrix(along), atol=1e-12)
+        np.testing.assert_allclose(room.matrices, quaternions.to_matrix(along), atol=1e-12)
 
 
 def test_a_nan_is_longer_than_all():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cape.kernels import bones, euler, measure
+from cape.kernels.records import Motion, MotionRoom
 from motions import quaternions
 
 ROWS, COLUMNS = 5, 4
@@ -44,20 +45,22 @@ def random_motion(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.
 
 def test_bones_end_where_they_are_sent_and_turn_evenly(rng: np.random.Generator):
     count, duration, substeps = 6, 0.1, 7
-    motion = random_motion(rng, count)
+    motion = Motion(*random_motion(rng, count))
     # One bone does not turn at all, and one is given as the opposite quaternion of nearly the same turn.
     motion[3][0] = motion[1][0]
     motion[3][1] = -quaternions.normalize(motion[1][1] + 1e-3)
-    matrices, turns, velocity, spin, positions = bones.blank_motion(count)
-    bones.start_motion(*motion, duration, substeps, matrices, turns, velocity, spin)
-    np.testing.assert_allclose(matrices, quaternions.to_matrix(motion[1]), atol=ROUNDING)
+    room = MotionRoom(*bones.blank_motion(count))
+    matrices, velocity, spin, positions = room.matrices, room.velocity, room.spin, room.positions
+    bones.start_motion(motion, room, duration, substeps)
+    np.testing.assert_array_equal(positions, motion[0])
+    np.testing.assert_allclose(matrices, quaternions.to_matrix(motion[1].astype(float)), atol=ROUNDING)
     before = matrices.copy()
     for k in range(1, substeps + 1):
         before[:] = matrices
-        bones.move_bones(motion[0], velocity, turns, k * duration / substeps, positions, matrices)
+        bones.move_bones(motion, room, k * duration / substeps)
         share = k / substeps
         np.testing.assert_allclose(positions, (1 - share) * motion[0] + share * motion[2], atol=ROUNDING)
-        along = quaternions.slerp(motion[1], motion[3], np.full(count, share))
+        along = quaternions.slerp(motion[1].astype(float), motion[3].astype(float), np.full(count, share))
         np.testing.assert_allclose(matrices, quaternions.to_matrix(along), atol=ROUNDING)
     np.testing.assert_allclose(velocity, (motion[2] - motion[0]) / duration, atol=ROUNDING / duration)
     # Over a turn by the angle a, a point moves by 2 tan(a / 2) times the axis crossed with the middle of both places.
@@ -67,24 +70,6 @@ def test_bones_end_where_they_are_sent_and_turn_evenly(rng: np.random.Generator)
         rate = (matrices - before)[b] * substeps / duration
         np.testing.assert_allclose(rate, crossed * np.tan(half[b]) / half[b], atol=1e-10)
     assert np.abs(spin[0]).max() < 1e-12
-
-
-@pytest.mark.parametrize(("lo", "hi"), [(0, N), (1, 7), (3, 4)])
-def test_hold_puts_vertices_on_bones_with_the_velocity_that_brings_them(rng: np.random.Generator, lo: int, hi: int):
-    p, v = grid_points(rng)
-    held, of_bone, points = np.array([3, 0, 7]), np.array([1, 0, 1]), rng.standard_normal((3, 3))
-    place, _, _, turn = random_motion(rng, 2)
-    matrices, step = quaternions.to_matrix(turn), 0.01
-    x, u = p.copy(), v.copy()
-    bones.hold(lo, hi, held, of_bone, points, step, place, matrices, *x, *u)
-    own = [(k, i) for k, i in enumerate(held) if lo <= i < hi]
-    for k, i in own:
-        there = place[of_bone[k]] + matrices[of_bone[k]] @ points[k]
-        np.testing.assert_allclose(x[:, i], there, atol=ROUNDING)
-        # The step that came before has moved the vertex by its velocity.
-        np.testing.assert_allclose(u[:, i], (there - (p[:, i] - step * v[:, i])) / step, atol=ROUNDING / step)
-    others = np.setdiff1d(np.arange(N), [i for _, i in own])
-    np.testing.assert_array_equal(x[:, others], p[:, others])
 
 
 def test_whereabouts_and_what_is_not_sound(rng: np.random.Generator):

@@ -12,11 +12,15 @@ import pytest
 import rerun as rr
 
 from cape import record
-from cape.colliders import Box, Plane, Sphere
+from cape.colliders import Box, Plane, Sphere, TaperedCapsule
+from cape.contact_points import ContactPoints
 from cape.normals import vertex_normals
+from cape.penetration import signed_distance
+from cape.record.contacts import INSIDE_COLOR, TOUCHING_COLOR
 from cape.record.frames import Frames
 from cape.record.layers import drawn_links
-from cape.record.poses import from_z_axis
+from cape.record.revolved import tapered_hull
+from cape.record.solids import LEFT_COLOR, LEFT_OUT_COLOR, MIDDLE_COLOR
 from cape.record.stage import heading, skeleton_height, smoothed_path
 from cape.take import Take
 from motions import quaternions
@@ -55,6 +59,15 @@ def make_take(frames: int = FRAMES) -> Take:
         Sphere(name="held/ball", bone="RightArm", center=np.array([0.0, 0.1, 0.0]), radius=0.2),
         Box(name="bench", center=np.array([1.0, 2.0, 0.2]), half_sizes=np.array([0.5, 0.2, 0.2])),
         Plane(name="ground", point=np.array([0.0, 0.0, 0.25])),
+        TaperedCapsule(
+            name="club",
+            bone="RightArm",
+            start=np.array([0.1, 0.0, 0.0]),
+            end=np.array([0.1, -0.3, 0.4]),
+            start_radius=0.05,
+            end_radius=0.15,
+            thickness=0.02,
+        ),
     )
     return Take(
         name="test take",
@@ -73,6 +86,25 @@ def make_take(frames: int = FRAMES) -> Take:
         compile_s=0.0,
         settle_s=0.0,
         solve_s=0.1,
+        thickness=0.01,
+        left_out={"post": "far away", "club": "far away"},
+        contacts=make_contacts(frames, len(colliders)),
+    )
+
+
+def make_contacts(frames: int, colliders: int) -> ContactPoints:
+    """A number of contacts that differs from frame to frame, with none in every third."""
+    rng = np.random.default_rng(3)
+    counts = np.where(np.arange(frames) % 3 == 2, 0, rng.integers(1, 9, frames))
+    n = int(counts.sum())
+    normals = rng.standard_normal((n, 3))
+    return ContactPoints(
+        starts=np.concatenate([[0], np.cumsum(counts)]),
+        points=rng.standard_normal((n, 3)).astype(np.float32),
+        normals=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+        depths=rng.uniform(-1e-4, 0.03, n).astype(np.float32),
+        colliders=rng.integers(0, colliders, n).astype(np.int32),
+        vertices=rng.integers(0, ROWS * COLUMNS, n).astype(np.int32),
     )
 
 
@@ -173,7 +205,9 @@ def test_a_long_take_is_cut_into_chunks(tmp_path: Path, monkeypatch: pytest.Monk
 def test_capsules_end_where_their_bones_take_them(saved: Recording, take: Take):
     capsules = [collider for collider in take.colliders if isinstance(collider, Capsule)]
     (labels,) = saved.column("/world/hitboxes", "Capsules3D:labels", static=True)
-    assert labels.as_py() == [capsule.name for capsule in capsules]
+    assert labels.as_py() == ["spine", "left_upper_arm", "ball", "post (left out)"]
+    (colors,) = saved.array("/world/hitboxes", "Capsules3D:colors", static=True)
+    assert colors.tolist() == [_rgba(c) for c in (MIDDLE_COLOR, LEFT_COLOR, MIDDLE_COLOR, LEFT_OUT_COLOR)]
     (radii,) = saved.array("/world/hitboxes", "Capsules3D:radii", static=True)
     np.testing.assert_allclose(radii, [capsule.radius for capsule in capsules], rtol=1e-7)
     (lengths,) = saved.array("/world/hitboxes", "Capsules3D:lengths", static=True)
@@ -193,7 +227,7 @@ def test_capsules_end_where_their_bones_take_them(saved: Recording, take: Take):
 
 
 def test_other_colliders(saved: Recording, take: Take):
-    ball = next(entity for entity in saved.entities if "ball" in entity)
+    ball = next(entity for entity in saved.entities if "colliders" in entity and "ball" in entity)
     assert ball == r"/world/colliders/held\/ball"
     arm = take.bones.names.index("RightArm")
     turn = quaternions.to_matrix(take.bones.rotations_wxyz[:, arm])
@@ -203,6 +237,116 @@ def test_other_colliders(saved: Recording, take: Take):
     assert all(chunk.is_static for chunk in saved.of("/world/colliders/bench"))
     centers = saved.array("/world/colliders/bench", "Boxes3D:centers", static=True)
     np.testing.assert_allclose(centers, [[[1.0, 2.0, 0.2]]], rtol=1e-7)
+
+
+def _rgba(color: tuple[int, ...]) -> int:
+    red, green, blue, alpha = (*color, 255)[:4]
+    return red << 24 | green << 16 | blue << 8 | alpha
+
+
+def transformed(saved: Recording, entity: str) -> np.ndarray:
+    """Vertices of a mesh in the world in each frame [m], shape (F, N, 3)."""
+    (vertices,) = saved.array(entity, "Mesh3D:vertex_positions", static=True)
+    (turns,) = np.roll(saved.array(entity, "Transform3D:quaternion"), 1, axis=-1).swapaxes(0, 1)
+    return quaternions.rotate(turns[:, None], vertices) + saved.array(entity, "Transform3D:translation")
+
+
+def test_a_tapered_capsule_is_a_mesh_on_its_surface(saved: Recording, take: Take):
+    club = take.colliders[-1]
+    arm = take.bones.names.index("RightArm")
+    to_bone = quaternions.conjugate(take.bones.rotations_wxyz[:, None, arm])
+    for entity, distance in (("/world/colliders/club", 0.0), ("/world/shells/club", 0.02)):
+        in_bone = quaternions.rotate(to_bone, transformed(saved, entity) - take.bones.positions[:, None, arm])
+        # Single precision, twice, of places up to 5 m away.
+        np.testing.assert_allclose(signed_distance(club, in_bone.reshape(-1, 3)), distance, atol=3e-6)
+    (label,) = saved.column("/world/colliders/club", "Points3D:labels", static=True)
+    assert label.as_py() == ["club (left out)"]
+
+
+@pytest.mark.parametrize(
+    ("length", "start", "end"), [(0.5, 0.2, 0.1), (0.5, 0.1, 0.2), (0.5, 0.1, 0.1), (0.1, 0.3, 0.1), (0.1, 0.1, 0.3)]
+)
+def test_a_hull_is_closed_and_faces_outwards(length: float, start: float, end: float):
+    vertices, normals, triangles = tapered_hull(length, start, end)
+    solid = TaperedCapsule(start=np.zeros(3), end=np.array([0.0, 0.0, length]), start_radius=start, end_radius=end)
+    np.testing.assert_allclose(signed_distance(solid, vertices.astype(float)), 0.0, atol=1e-7)
+    # A normal leads away from the surface at full speed.
+    np.testing.assert_allclose(signed_distance(solid, vertices + 0.01 * normals.astype(float)), 0.01, atol=1e-7)
+    a, b, c = np.moveaxis(vertices[triangles].astype(float), 1, 0)
+    volume = float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6.0
+    # Two spheres' caps and the frustum of a cone between them; a mesh that is inscribed has a few percent less.
+    heights = np.linspace(-1.0, 1.5, 25_001)
+    radii = np.maximum.reduce(
+        [
+            np.sqrt(np.maximum(0.0, (start + share * (end - start)) ** 2 - (heights - share * length) ** 2))
+            for share in np.linspace(0.0, 1.0, 401)
+        ]
+    )
+    assert 0.95 < volume / (np.pi * np.trapezoid(radii**2, heights)) < 1.0
+
+
+def test_shells_are_as_thick_as_the_colliders_say(saved: Recording, take: Take):
+    (radii,) = saved.array("/world/shells", "Capsules3D:radii", static=True)
+    np.testing.assert_allclose(radii, [0.13, 0.06, 0.08, 0.11], rtol=1e-6)
+    for column in ("Capsules3D:translations", "Capsules3D:quaternions"):
+        np.testing.assert_array_equal(saved.array("/world/shells", column), saved.array("/world/hitboxes", column))
+    (ball,) = saved.array(r"/world/shells/held\/ball", "Ellipsoids3D:half_sizes", static=True)
+    np.testing.assert_allclose(ball, [[0.21, 0.21, 0.21]], rtol=1e-6)
+    (bench,) = saved.array("/world/shells/bench", "Boxes3D:half_sizes", static=True)
+    np.testing.assert_allclose(bench, [[0.51, 0.21, 0.21]], rtol=1e-6)
+    (ground,) = saved.array("/world/shells/ground", "Boxes3D:centers", static=True)
+    assert ground[0, 2] == pytest.approx(0.26)
+    names = [name for entity in saved.entities if "shells" in entity for name in schema(saved, entity)]
+    assert not any("labels" in name and "show" not in name for name in names)
+
+
+def schema(saved: Recording, entity: str) -> list[str]:
+    return [name for chunk in saved.of(entity) for name in chunk.to_record_batch().schema.names]
+
+
+def test_a_plane_is_drawn_under_all_bones(saved: Recording, take: Take):
+    (center,) = saved.array("/world/colliders/ground", "Boxes3D:centers", static=True)
+    (half,) = saved.array("/world/colliders/ground", "Boxes3D:half_sizes", static=True)
+    assert (center[0, 2], half[0, 2]) == (pytest.approx(0.25), 0.0)
+    off = np.abs(take.bones.positions[..., :2] - center[0, :2]).reshape(-1, 2).max(axis=0)
+    np.testing.assert_allclose(half[0, :2], off + 0.5, atol=1e-6)
+
+
+def test_contacts_are_those_of_each_frame(saved: Recording, take: Take):
+    contacts = take.contacts
+    assert contacts is not None
+    points = saved.column("/world/contacts/points", "Points3D:positions")
+    assert [len(row) for row in points] == contacts.counts.tolist()
+    for entity, column, expected in [
+        ("points", "Points3D:positions", contacts.points),
+        ("points", "Points3D:class_ids", contacts.colliders),
+        ("normals", "Arrows3D:origins", contacts.points),
+        ("normals", "Arrows3D:vectors", 0.05 * contacts.normals),
+    ]:
+        rows = saved.column(f"/world/contacts/{entity}", column)
+        found = np.array([value for row in rows for value in row.as_py()], dtype=np.float32)
+        np.testing.assert_allclose(found, expected, rtol=1e-6)
+    # What a class is called, and which colour a depth has: green, yellow, red.
+    (names,) = saved.column("/world/contacts", "AnnotationContext:context", static=True)
+    (context,) = names.as_py()
+    assert [entry["class_description"]["info"]["label"] for entry in context] == [
+        collider.name for collider in take.colliders
+    ]
+    colors = np.array([v for r in saved.column("/world/contacts/points", "Points3D:colors") for v in r.as_py()])
+    thickness = take.thicknesses[contacts.colliders]
+    assert sorted(set(take.thicknesses)) == [0.01, 0.02]
+    inside = contacts.depths > thickness
+    assert (colors[inside] == _rgba(INSIDE_COLOR)).all()
+    assert not (colors[~inside] == _rgba(INSIDE_COLOR)).any()
+    assert (colors[contacts.depths <= 0] == _rgba(TOUCHING_COLOR)).all()
+
+
+def test_a_take_without_contacts_has_none_to_record(tmp_path: Path, take: Take):
+    replace(take, contacts=None).save(tmp_path / "none.rrd")
+    assert not any("contacts" in entity for entity in Recording(tmp_path / "none.rrd").entities)
+    replace(take, contacts=ContactPoints.none(FRAMES)).save(tmp_path / "empty.rrd")
+    points = Recording(tmp_path / "empty.rrd").column("/world/contacts/points", "Points3D:positions")
+    assert [len(row) for row in points] == [0] * FRAMES
 
 
 def test_skeleton_has_a_strip_for_each_bone_with_a_length(saved: Recording, take: Take):
@@ -239,17 +383,22 @@ def test_floor_lies_on_the_plane_and_under_the_path(saved: Recording, take: Take
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()
 
 
+OTHERS = ("bench", r"held\/ball", "ground", "club")
 EVERY_LAYER = {
     "cape": {"/world/cape"},
     "skeleton": {"/world/skeleton"},
-    "hitboxes": {"/world/hitboxes", "/world/colliders/bench", r"/world/colliders/held\/ball"},
+    "hitboxes": {"/world/hitboxes", *(f"/world/colliders/{name}" for name in OTHERS)},
+    "shells": {"/world/shells", *(f"/world/shells/{name}" for name in OTHERS)},
+    "contacts": {"/world/contacts", "/world/contacts/points", "/world/contacts/normals"},
     "floor": {"/world/floor"},
     "plots": {"/plots/stretch", "/plots/penetration", "/plots/kinetic_energy"},
 }
 STAGE = {"/world", "/world/character"}
 
 
-@pytest.mark.parametrize("layers", [["cape"], ["skeleton", "plots"], ["hitboxes"], ["floor"], ["plots"], []])
+@pytest.mark.parametrize(
+    "layers", [["cape"], ["skeleton", "plots"], ["hitboxes"], ["shells"], ["contacts"], ["floor"], ["plots"], []]
+)
 def test_only_the_asked_layers_are_written(tmp_path: Path, take: Take, layers: list[str]):
     take.save(tmp_path / "take.rrd", layers=layers)
     expected = STAGE.union(*(EVERY_LAYER[layer] for layer in layers))
@@ -261,16 +410,18 @@ def test_all_layers_by_default(saved: Recording):
 
 
 def test_an_unknown_layer_lists_the_known(tmp_path: Path, take: Take):
-    with pytest.raises(UnknownNameError, match="no layer named 'hat'; available: cape, skeleton, hitboxes, floor"):
+    with pytest.raises(
+        UnknownNameError, match="no layer named 'hat'; available: cape, skeleton, hitboxes, shells, contacts, floor"
+    ):
         take.save(tmp_path / "take.rrd", layers=["cape", "hat"])
-    with pytest.raises(UnknownNameError, match="no layer named 'cape'; available: skeleton, hitboxes, floor"):
+    with pytest.raises(UnknownNameError, match="no layer named 'cape'; available: skeleton, hitboxes, shells, floor"):
         record.save_hitboxes(take.bones, take.colliders, tmp_path / "take.rrd", layers=["cape"])
     assert list(tmp_path.iterdir()) == []
 
 
 def test_hitboxes_alone(tmp_path: Path, take: Take):
     record.save_hitboxes(take.bones, take.colliders, tmp_path / "body.rrd")
-    layers = ("skeleton", "hitboxes", "floor")
+    layers = ("skeleton", "hitboxes", "shells", "floor")
     assert Recording(tmp_path / "body.rrd").entities == STAGE.union(*(EVERY_LAYER[layer] for layer in layers))
 
 
@@ -293,6 +444,45 @@ def test_the_layout_draws_hitboxes_as_a_body_and_with_names(saved: Recording):
     }
     assert drawn["Capsules3D:fill_mode"] == [[rr.components.FillMode.Solid.value]]
     assert sorted(drawn["Capsules3D:show_labels"]) == [[False], [True]]
+
+
+class Layout:
+    """The blueprint of a recording: what each tab shows by its name, and which is in front."""
+
+    def __init__(self, saved: Recording):
+        (store,) = saved.reader.blueprints()
+        self.application = store.application_id
+        queries, names, active = {}, {}, ""
+        for chunk in saved.reader.stream(store=store):
+            batch, path = chunk.to_record_batch(), chunk.entity_path.split("/")
+            for column, values in zip(batch.schema.names, batch.columns, strict=True):
+                if column == "ViewContents:query":
+                    queries[path[2]] = values[0].as_py()
+                elif column == "ViewBlueprint:display_name":
+                    names[path[2]] = values[0].as_py()[0]
+                elif column == "ContainerBlueprint:active_tab":
+                    active = values[0].as_py()[0]
+        self.contents = {names[view]: query for view, query in queries.items()}
+        self.front = names[active.removeprefix("view/")]
+
+
+def test_shells_and_contacts_are_a_tab_away(saved: Recording):
+    contents = Layout(saved).contents
+    assert contents["hitboxes"] == ["+ /world/**"]
+    assert contents["cape"] == [
+        "+ /world/**",
+        "- /world/shells/**",
+        "- /world/contacts/**",
+        "- /world/colliders/ground/**",
+    ]
+
+
+def test_the_tab_asked_for_is_in_front(tmp_path: Path, take: Take, saved: Recording):
+    record.save(take, tmp_path / "boxes.rrd", tab="hitboxes")
+    layout = Layout(Recording(tmp_path / "boxes.rrd"))
+    # A layout of its own, which the viewer keeps apart from that of replays.
+    assert (layout.front, layout.application) == ("hitboxes", "cape hitboxes")
+    assert (Layout(saved).front, Layout(saved).application) == ("cape", "cape")
 
 
 def test_a_figure_fills_the_view_whatever_its_size():
@@ -418,5 +608,5 @@ def test_camera_glides_with_a_steady_walk_and_faces_where_it_goes():
 @pytest.mark.parametrize("direction", [[0, 0, 2], [0, 0, -2], [1, 0, 0], [0.1, -0.7, -0.3], [1e-9, 0, -1], [0, 0, 0]])
 def test_shortest_rotation_from_z(direction):
     direction = np.array(direction, float)
-    turned = quaternions.rotate(from_z_axis(direction), np.array([0.0, 0.0, np.linalg.norm(direction)]))
+    turned = quaternions.rotate(quaternions.from_z_axis(direction), np.array([0.0, 0.0, np.linalg.norm(direction)]))
     np.testing.assert_allclose(turned, direction, atol=1e-15)

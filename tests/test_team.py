@@ -14,10 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cape import team as team_module
-from cape.kernels.contact import BLOCK
 from cape.kernels.jit import driver
 from cape.kernels.records import Team
-from cape.kernels.team import GONE, LINE, meet, span
+from cape.kernels.team import BLOCK, GONE, LINE, meet, span
 from cape.team import available_cores, cpu_quota, run
 
 

@@ -5,6 +5,7 @@ import pytest
 from scenes import Run, both_solvers, grid_cloth
 
 from cape import Fabric, Scene, Wind
+from cape.assemble import air_model, assemble
 from cape.solvers import Solver
 
 G = 9.81  # m/s2
@@ -24,19 +25,44 @@ def sheet(angle: float, wind: Wind, solver: Solver, *, gravity: float = 0.0) -> 
 
 
 @both_solvers
-def test_a_falling_sheet_reaches_its_terminal_velocity(solver: Solver):
-    wind = Wind(density=1.2, drag=1.1, lift=0.7)
+@pytest.mark.parametrize("viscous", [0.0, 0.6])
+def test_a_falling_sheet_reaches_its_terminal_velocity(solver: Solver, viscous: float):
+    wind = Wind(density=1.2, drag=1.1, lift=0.7, viscous=viscous)
     run = sheet(0.0, wind, solver, gravity=G)
-    # Drag on each triangle goes to its corners as its mass does, so the sheet falls flat: m g = rho/2 Cd A v^2.
-    terminal = np.sqrt(2 * FABRIC.density * G / (wind.density * wind.drag))
+    # Drag on each triangle goes to its corners as its mass does, so the sheet falls flat: with d the density,
+    # d v' = d g - viscous v - rho/2 Cd v^2, whose right side vanishes at the terminal velocity and at the other root.
+    quadratic = wind.density * wind.drag / 2
+    root = np.sqrt(viscous**2 + 4 * quadratic * FABRIC.density * G)
+    terminal, other = (root - viscous) / (2 * quadratic), -(root + viscous) / (2 * quadratic)
+    rate = root / FABRIC.density
     substeps = 20
     for frame in range(1, 121):
         run.step(1 / 60, substeps)
-        expected = -terminal * np.tanh(G * frame / 60 / terminal)
+        left = np.exp(-rate * frame / 60)
+        expected = -terminal * (1 - left) / (1 - terminal / other * left)
         # First order in the step: at most g h / 2.
         np.testing.assert_allclose(run.velocities[:, 2], expected, atol=G / 60 / substeps / 2)
-    # What is left to gain falls by exp(-2 g t / v): to exp(-23) after two seconds.
+    # What is left to gain falls to exp(-23), or less, after two seconds.
     np.testing.assert_allclose(run.velocities, np.tile([0, 0, -terminal], (20, 1)), atol=1e-9)
+
+
+@both_solvers
+def test_slow_motion_dies_out_in_viscous_air(solver: Solver):
+    # Without any other drag v' = -viscous v / density.
+    run = sheet(0.5, Wind(drag=0.0, lift=0.0, viscous=0.5), solver)
+    run.state.vx[:] = 0.3
+    for frame in range(1, 31):
+        run.step(1 / 60, 20)
+        # First order: a step of h = 1/1200 s takes (1 - r h) for exp(-r h), r^2 h t / 2 of it away.
+        rate, time = 0.5 / FABRIC.density, frame / 60
+        np.testing.assert_allclose(run.velocities[:, 0], 0.3 * np.exp(-rate * time), rtol=0.51 * rate**2 * time / 1200)
+
+
+def test_air_without_viscosity_has_no_skin():
+    cloth = grid_cloth(np.linspace(0, 1.0, 3), np.linspace(0, 0.5, 3), FABRIC)
+    for viscous in (0.0, 0.025):
+        model = air_model(assemble(Scene(cloth, wind=Wind(viscous=viscous)), []), np.float64)
+        assert (model.skin is None) == (viscous == 0.0)
 
 
 @both_solvers
@@ -44,7 +70,7 @@ def test_a_falling_sheet_reaches_its_terminal_velocity(solver: Solver):
 @pytest.mark.parametrize("side", [1, -1], ids=["wind from the front", "wind from behind"])
 def test_drag_and_lift_follow_the_angle_of_attack(solver: Solver, degrees: int, side: int):
     angle, speed = np.radians(degrees), 3.0
-    wind = Wind(velocity=(0.0, 0.0, side * speed), density=1.3, drag=1.1, lift=0.6)
+    wind = Wind(velocity=(0.0, 0.0, side * speed), density=1.3, drag=1.1, lift=0.6, viscous=0.3)
     run = sheet(angle, wind, solver)
     step = 1e-4
     run.step(step, 1)
@@ -55,7 +81,8 @@ def test_drag_and_lift_follow_the_angle_of_attack(solver: Solver, degrees: int, 
     drag = side * pressure * wind.drag * abs(np.cos(angle))
     lift = side * pressure * wind.lift * np.cos(angle) * np.sin(angle)
     # Exact but for roundings of 1e-16 m divided by the step twice: 1e-8 m/s2 on 0.1 kg.
-    np.testing.assert_allclose(force, [lift, 0, drag], atol=2e-8)
+    skin = side * wind.viscous * 0.5 * speed
+    np.testing.assert_allclose(force, [lift, 0, drag + skin], atol=2e-8)
 
 
 @both_solvers

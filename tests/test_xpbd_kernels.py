@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cape.kernels import xpbd, xpbd_formulas, xpbd_grid, xpbd_mesh
-from cape.kernels.records import Attached, Constraints, GridConstraints, MotionRoom, State
+from cape.kernels.records import Constraints, GridConstraints, State
 
 STEP, TAU = 0.01, 0.02
 # A few dozen operations on numbers near one.
@@ -209,12 +209,3 @@ def test_what_comes_before_and_after_the_constraints(rng: np.random.Generator):
     np.testing.assert_array_equal(forces, 0.0)
     xpbd.drift(STEP, *p, *u)
     np.testing.assert_allclose(p, x + STEP * u, atol=ROUNDING)
-    place, turn = rng.standard_normal((1, 3)), np.linalg.qr(rng.standard_normal((3, 3)))[0][None]
-    attached = Attached(np.array([4, 1]), np.array([0, 0]), rng.standard_normal((2, 3)))
-    room = MotionRoom(turn, turn, place, place, place)
-    state = State(*(c.copy() for c in (*x, *v)))
-    xpbd.aim(0, 6, state, attached, room, STEP)
-    there = place[0] + attached.points @ turn[0].T
-    reached = (np.stack(state[:3]) + STEP * np.stack(state[3:])).T
-    np.testing.assert_allclose(reached[[4, 1]], there, atol=ROUNDING)
-    np.testing.assert_array_equal(np.stack(state[3:])[:, [0, 2, 3, 5]], v[:, [0, 2, 3, 5]])

@@ -8,6 +8,7 @@ from cape.bench.timing import Probe
 from cape.cloth import GridCloth
 from cape.kernels.records import Motion, State
 from cape.measure import Meter
+from cape.poses import Pose
 from cape.scene import Scene
 from cape.scenes import FPS
 from cape.solvers import Solver
@@ -96,7 +97,7 @@ class Subject(Probe):
         )  # fmt: skip
         self._frame += 1
         if self._meter is not None:
-            self._meter.read(self.state, positions[k + 1], rotations[k + 1])
+            self._meter.read(self.state, Pose(positions[k + 1], rotations[k + 1]))
 
     def prepare(self) -> None:
         """Step until the cloth is in motion."""

@@ -44,6 +44,10 @@ def replay(
     wind: Annotated[
         tuple[float, float, float], typer.Option(metavar="X Y Z", help="Velocity of the air [m/s], Z up.")
     ] = (0.0, 0.0, 0.0),
+    cuts: Annotated[
+        str,
+        typer.Option(help="Where the bones jump, carry the cape along or reset it; off takes jumps as motion."),
+    ] = "carry",
     unit: Unit = None,
     up: Up = None,
     height: Height = None,
@@ -51,6 +55,9 @@ def replay(
     end: End = None,
     attach: Attach = None,
     layers: Layers = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Measure again, apart from the solver, how deep vertices and faces are.")
+    ] = False,
     spawn: Spawn = False,
     json: Json = False,
 ) -> int:
@@ -60,9 +67,10 @@ def replay(
 
     return run(
         Reading(clip, unit=unit, up=up, height=height, start=start, end=end, fps=fps, attach=tuple(attach or ())),
-        Cut(fabric=fabric, spacing=spacing, length=length, solver=solver, substeps=substeps, wind=wind),
+        Cut(fabric=fabric, spacing=spacing, length=length, solver=solver, substeps=substeps, wind=wind, cuts=cuts),
         output=output,
         layers=_split(layers),
+        check=check,
         spawn=spawn,
         json=json,
     )
@@ -79,14 +87,17 @@ def hitboxes(
     start: Start = None,
     end: End = None,
     attach: Attach = None,
+    bare: Annotated[
+        bool, typer.Option("--bare", help="Skeleton and capsules alone, at once: nothing is simulated.")
+    ] = False,
     spawn: Spawn = False,
 ) -> int:
-    """Record the skeleton and its named capsules alone, without any cloth."""
+    """Record what the cape meets: named colliders, the shells of their thickness, and the contacts of each frame."""
     from cape.cli.character import Reading
     from cape.cli.hitboxes import run
 
     reading = Reading(clip, unit=unit, up=up, height=height, start=start, end=end, fps=fps, attach=tuple(attach or ()))
-    return run(reading, output=output, spawn=spawn)
+    return run(reading, output=output, bare=bare, spawn=spawn)
 
 
 @app.command()

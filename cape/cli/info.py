@@ -2,10 +2,17 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+
 import motions
 from cape.cli.character import Reading
 from cape.cli.rows import print_rows
+from cape.cuts import Cuts, seam
+from cape.dress import dress
+from cape.reach import reach_of
+from motions.errors import UserError
 from motions.roles import ROLES
+from skeleton import Skeleton
 
 
 def run(reading: Reading) -> int:
@@ -22,11 +29,46 @@ def run(reading: Reading) -> int:
         *(("role", f"{role}: {body.roles[role]}") for role in ROLES if role in body.roles),
         ("capsules", ", ".join(c.name for c in body.capsules())),
         *(("left out", f"{name}: {reason}") for name, reason in body.capsules_left_out().items()),
+        *_jump_rows(body, clip),
+        *_cape_rows(body, clip),
         *(("warning", text) for text in _warnings(clip, body.roles)),
         ("joint names", ", ".join(clip.joints)),
     ]
     print_rows(facts)
     return 0
+
+
+def _jump_rows(body: Skeleton, clip: motions.Clip) -> list[tuple[str, str]]:
+    """Tell where the bones jump, and whether they do where the clip begins again."""
+    if clip.frames < 2:
+        return []
+    track, cuts, rows = body.track(clip), Cuts(), []
+    holding = [role for role in ("left_shoulder", "right_shoulder") if role in body.roles]
+    if jumps := cuts.frames(track, holding):
+        rows.append(("jumps", f"the bones jump at frame {', '.join(map(str, jumps))}: a cape is carried along"))
+    way = float(np.linalg.norm(track.positions[0] - track.positions[-1], axis=1).max())
+    again = f"the first frame is up to {way:.2f} m from the last"
+    if cuts.frames(seam(track), holding):
+        rows.append(("loop", f"{again}, a jump: a cape is carried along"))
+    else:
+        rows.append(("loop", f"{again}, no jump"))
+    return rows
+
+
+def _cape_rows(body: Skeleton, clip: motions.Clip) -> list[tuple[str, str]]:
+    """Tell what a cape would be and what it can't reach, or why there is none."""
+    if clip.frames < 2:
+        return []
+    track = body.track(clip)
+    try:
+        scene = dress(body, track)
+        reach = reach_of(scene, track)
+    except UserError as error:
+        return [("cape", f"none: {error}")]
+    return [
+        ("cape", f"{scene.cloth.vertices} vertices that reach {reach.radius:.2f} m"),
+        *(("beyond reach", f"{name}: {reason}") for name, reason in reach.left_out.items()),
+    ]
 
 
 def list_clips() -> int:

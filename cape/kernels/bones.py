@@ -8,14 +8,16 @@ from cape.kernels.jit import driver, inlined
 
 
 @driver
-def start_motion(position0, rotation0, position1, rotation1, duration, substeps, matrices, turns, velocity, spin):
-    """Prepare the motion of B bones from one pose to the next [s, m, m/s, rad/s].
+def start_motion(motion, m, duration, substeps):
+    """Prepare the `motion` of B bones from one pose to the next in `duration` [s].
 
-    Positions have shape (B, 3), rotations bone_to_world wxyz (B, 4). Filled: `matrices` (B, 3, 3) bone_to_world at the
-    start, `turns` (B, 3, 3) the rotation of one substep in the world, `velocity` and `spin` (B, 3) in the world.
+    Of `m` are filled: `positions` [m] (B, 3) and `matrices` bone_to_world (B, 3, 3) at the start, `turns` (B, 3, 3) the
+    rotation of one substep in the world, `velocity` [m/s] and `spin` [rad/s] (B, 3) in the world.
     """
+    position0, rotation0, position1, rotation1 = motion
+    turns, velocity, spin = m.turns, m.velocity, m.spin
+    set_pose(position0, rotation0, m)
     for b in range(position0.shape[0]):
-        fill_matrix(rotation0[b, 0], rotation0[b, 1], rotation0[b, 2], rotation0[b, 3], matrices[b])
         w0, x0, y0, z0 = rotation0[b, 0], rotation0[b, 1], rotation0[b, 2], rotation0[b, 3]
         w1, x1, y1, z1 = rotation1[b, 0], rotation1[b, 1], rotation1[b, 2], rotation1[b, 3]
         if w0 * w1 + x0 * x1 + y0 * y1 + z0 * z1 < 0.0:
@@ -36,6 +38,15 @@ def start_motion(position0, rotation0, position1, rotation1, duration, substeps,
 
 
 @driver
+def set_pose(positions, rotations, m):
+    """Put the bones of `m` at positions [m] (B, 3) and rotations bone_to_world wxyz (B, 4)."""
+    for b in range(positions.shape[0]):
+        fill_matrix(rotations[b, 0], rotations[b, 1], rotations[b, 2], rotations[b, 3], m.matrices[b])
+        for k in range(3):
+            m.positions[b, k] = positions[b, k]
+
+
+@driver
 def fill_matrix(w, x, y, z, out):
     """Write the rotation matrix of a unit quaternion into `out`, shape (3, 3)."""
     out[0, 0], out[0, 1], out[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
@@ -44,8 +55,10 @@ def fill_matrix(w, x, y, z, out):
 
 
 @driver
-def move_bones(position0, velocity, turns, time, positions, matrices):
-    """Advance all bones by a substep: `positions` to those `time` after the frame's start, `matrices` by a turn."""
+def move_bones(motion, m, time):
+    """Advance all bones by a substep: their positions to those `time` after the frame's start, matrices by a turn."""
+    position0 = motion.position0
+    matrices, turns, velocity, _, positions = m
     for b in range(position0.shape[0]):
         for k in range(3):
             positions[b, k] = position0[b, k] + time * velocity[b, k]
@@ -66,23 +79,38 @@ def to_world(bone, px, py, pz, positions, matrices):
     )
 
 
-@driver
-def hold(lo, hi, vertices, bones, points, step, positions, matrices, x, y, z, vx, vy, vz):
-    """Put the attached ones of vertices lo to hi where their bones hold them.
+@inlined
+def turned(bone, x, y, z, matrices):
+    """A direction of a bone's frame in the world."""
+    m = matrices[bone]
+    return (
+        m[0, 0] * x + m[0, 1] * y + m[0, 2] * z,
+        m[1, 0] * x + m[1, 1] * y + m[1, 2] * z,
+        m[2, 0] * x + m[2, 1] * y + m[2, 2] * z,
+    )
 
-    Their velocity is the one that brings them there in one step. `points` are in the bones' frames [m], shape (n, 3).
-    """
-    inverse_step = 1.0 / step
-    for k in range(vertices.size):
-        i = vertices[k]
-        if i < lo or i >= hi:
-            continue
-        px, py, pz = to_world(bones[k], points[k, 0], points[k, 1], points[k, 2], positions, matrices)
-        # advance() has moved the vertex with last step's velocity; undo it to know where the vertex was.
-        vx[i] = (px - (x[i] - step * vx[i])) * inverse_step
-        vy[i] = (py - (y[i] - step * vy[i])) * inverse_step
-        vz[i] = (pz - (z[i] - step * vz[i])) * inverse_step
-        x[i], y[i], z[i] = px, py, pz
+
+@inlined
+def turned_back(bone, x, y, z, matrices):
+    """A direction of the world in a bone's frame."""
+    m = matrices[bone]
+    return (
+        m[0, 0] * x + m[1, 0] * y + m[2, 0] * z,
+        m[0, 1] * x + m[1, 1] * y + m[2, 1] * z,
+        m[0, 2] * x + m[1, 2] * y + m[2, 2] * z,
+    )
+
+
+@inlined
+def velocity_at(bone, x, y, z, m):
+    """Velocity [m/s] of the point of a bone that is at a place in the world [m]."""
+    lx, ly, lz = x - m.positions[bone, 0], y - m.positions[bone, 1], z - m.positions[bone, 2]
+    velocity, spin = m.velocity[bone], m.spin[bone]
+    return (
+        velocity[0] + spin[1] * lz - spin[2] * ly,
+        velocity[1] + spin[2] * lx - spin[0] * lz,
+        velocity[2] + spin[0] * ly - spin[1] * lx,
+    )
 
 
 def blank_motion(count):

@@ -1,313 +1,260 @@
-"""Contact of vertices with moving capsules, boxes and planes, with Coulomb friction.
+"""Contact of vertices with moving colliders, with Coulomb friction.
 
-A vertex that a step takes within `thickness` of a shape is stopped there: its velocity relative to the shape's own
-surface loses what points inwards, friction takes at most mu times as much of what slides, the step is redone with the
-corrected velocity, and what is still too deep is moved out along the normal without any change of velocity. A vertex
-at rest therefore stays at rest, and depth never turns into speed.
+A vertex that a step takes within the thickness of a shape is stopped there: its velocity relative to the shape's own
+surface loses what points inwards, friction takes at most mu times as much of what slides, and the step is redone with
+the corrected velocity. What is still too deep is moved out along the normal, no faster than `EXIT`, without any change
+of velocity: a vertex at rest stays at rest, depth never turns into speed, and a start inside ends in a walk outside.
 
-Vertices are handled in blocks of consecutive ones: `find_near` lists the capsules that a block may meet soon, and one
-vectorised count per pair finds out whether any vertex of the block needs more.
+Where a vertex may pass a shape's middle within one step, its whole way against the shape is followed. As all shapes are
+convex, the nearest distance tells how far it can go before it may touch (conservative advancement: Mirtich 1996,
+"Impulse-based dynamic simulation of rigid body systems", section 2.3); it is stopped at the plane that it hits.
 """
 
 import math
 
-import numpy as np
-
-from cape.kernels.bones import to_world
-from cape.kernels.distance import to_box, to_capsule, to_plane
+from cape.kernels.bones import velocity_at
 from cape.kernels.jit import driver, inlined
+from cape.kernels.shapes import DUE, direction_to_world, distance_to, into_shape, nearest, place
+from cape.kernels.watch import (
+    GAIN,
+    LONGEST,
+    TILE,
+    alarm,
+    approach,
+    is_alarmed,
+    look,
+    nap,
+    spread_of,
+    tiles,
+    were_alarmed,
+)
 
-BLOCK = 64  # vertices; smaller blocks meet fewer capsules, larger ones cost fewer calls
-PASSES = 6  # around the capsules that a vertex is between
+EXIT = 3.0  # m/s at which a vertex that is inside leaves
+PASSES = 6  # around the colliders that a vertex is between
 GRAZE = 1e-6  # m, depth that later passes leave alone
+NEAR = 2.0  # steps in which a tile may come to a collider, to be led around it
+SKIN = 0.25  # share of the thickness in which a way is stopped
+ADVANCES = 32  # along a way
+ARRIVED = 1e-5  # m from the skin
 
 
-@driver
-def place_capsules(bones, starts, ends, positions, matrices, placed):
-    """Write the ends of all capsules in the world [m] to the first six columns of `placed`, shape (C, 8).
+@inlined
+def stopped(rx, ry, rz, nx, ny, nz, friction):
+    """Velocity r relative to a surface [m/s] without what points into it, slowed by friction; and that inward speed.
 
-    The eighth becomes one over the squared length [1/m2], zero for a sphere.
+    Kept as it is where it does not point inwards.
     """
-    for c in range(bones.size):
-        ax, ay, az = to_world(bones[c], starts[c, 0], starts[c, 1], starts[c, 2], positions, matrices)
-        bx, by, bz = to_world(bones[c], ends[c, 0], ends[c, 1], ends[c, 2], positions, matrices)
-        placed[c, 0], placed[c, 1], placed[c, 2] = ax, ay, az
-        placed[c, 3], placed[c, 4], placed[c, 5] = bx, by, bz
-        squared = (bx - ax) ** 2 + (by - ay) ** 2 + (bz - az) ** 2
-        placed[c, 7] = 1.0 / squared if squared > 1e-24 else 0.0
-
-
-@inlined
-def bounds(x, y, z, vx, vy, vz, lo, hi):
-    """Smallest and largest coordinates of points lo to hi (unsigned) [m], and their largest squared speed [m2/s2]."""
-    x0 = x1 = x[lo]
-    y0 = y1 = y[lo]
-    z0 = z1 = z[lo]
-    fastest = vx[lo] * vx[lo] + vy[lo] * vy[lo] + vz[lo] * vz[lo]
-    for i in range(lo, hi):
-        x0, x1 = min(x0, x[i]), max(x1, x[i])
-        y0, y1 = min(y0, y[i]), max(y1, y[i])
-        z0, z1 = min(z0, z[i]), max(z1, z[i])
-        fastest = max(fastest, vx[i] * vx[i] + vy[i] * vy[i] + vz[i] * vz[i])
-    return x0, x1, y0, y1, z0, z1, fastest
-
-
-@inlined
-def count_within(x, y, z, lo, hi, ax, ay, az, dx, dy, dz, inverse_squared, zero, one, reach_squared):
-    """Number of points lo to hi nearer than a reach to the segment from a along d; `inverse_squared` is 1/|d|^2, or 0.
-
-    The bounds are unsigned: a signed index that does not start at 0 keeps the loop scalar.
-    """
-    count = 0
-    for i in range(lo, hi):
-        px, py, pz = x[i] - ax, y[i] - ay, z[i] - az
-        t = min(max((px * dx + py * dy + pz * dz) * inverse_squared, zero), one)
-        px, py, pz = px - t * dx, py - t * dy, pz - t * dz
-        if px * px + py * py + pz * pz < reach_squared:
-            count += 1
-    return count
-
-
-@inlined
-def is_within(px, py, pz, placed, c, reach):
-    """Tell whether a point is nearer than `reach` [m] to the segment of capsule c."""
-    px, py, pz = px - placed[c, 0], py - placed[c, 1], pz - placed[c, 2]
-    dx, dy, dz = placed[c, 3] - placed[c, 0], placed[c, 4] - placed[c, 1], placed[c, 5] - placed[c, 2]
-    t = min(max((px * dx + py * dy + pz * dz) * placed[c, 7], 0.0), 1.0)
-    px, py, pz = px - t * dx, py - t * dy, pz - t * dz
-    return px * px + py * py + pz * pz < reach * reach
-
-
-@inlined
-def any_within(x, y, z, lo, hi, placed, c, reach):
-    """Tell whether any point lo to hi is nearer than `reach` [m] to the segment of capsule c."""
-    dtype = x.dtype.type
-    dx, dy, dz = placed[c, 3] - placed[c, 0], placed[c, 4] - placed[c, 1], placed[c, 5] - placed[c, 2]
-    return (
-        count_within(
-            x, y, z, np.uint64(lo), np.uint64(hi),
-            dtype(placed[c, 0]), dtype(placed[c, 1]), dtype(placed[c, 2]),
-            dtype(dx), dtype(dy), dtype(dz),
-            dtype(placed[c, 7]), dtype(0.0), dtype(1.0), dtype(reach * reach),
-        )
-        > 0
-    )  # fmt: skip
-
-
-@driver
-def find_near(
-    lo, hi, x, y, z, vx, vy, vz, placed, radius, thickness, bones, positions, velocity, spin, horizon, slack, near
-):
-    """List, for each block of the vertices lo to hi, the capsules that it may meet within `horizon` seconds.
-
-    `near` (blocks, C + 1) is filled: the count, then the capsules' indices. `slack` [m] allows for accelerations.
-    The seventh column of `placed` is filled with how far each capsule reaches in that time.
-    """
-    for c in range(radius.size):
-        b = bones[c]
-        fastest = 0.0
-        for k in range(0, 6, 3):
-            lx, ly = placed[c, k] - positions[b, 0], placed[c, k + 1] - positions[b, 1]
-            lz = placed[c, k + 2] - positions[b, 2]
-            sx = velocity[b, 0] + spin[b, 1] * lz - spin[b, 2] * ly
-            sy = velocity[b, 1] + spin[b, 2] * lx - spin[b, 0] * lz
-            sz = velocity[b, 2] + spin[b, 0] * ly - spin[b, 1] * lx
-            fastest = max(fastest, sx * sx + sy * sy + sz * sz)
-        placed[c, 6] = radius[c] + thickness + slack + math.sqrt(fastest) * horizon
-    for start in range(lo, hi, BLOCK):
-        block, end = start // BLOCK, min(start + BLOCK, hi)
-        x0, x1, y0, y1, z0, z1, fastest = bounds(x, y, z, vx, vy, vz, np.uint64(start), np.uint64(end))
-        own = math.sqrt(fastest) * horizon
-        count = 0
-        for c in range(radius.size):
-            margin = own + placed[c, 6]
-            if (
-                min(placed[c, 0], placed[c, 3]) - margin < x1
-                and max(placed[c, 0], placed[c, 3]) + margin > x0
-                and min(placed[c, 1], placed[c, 4]) - margin < y1
-                and max(placed[c, 1], placed[c, 4]) + margin > y0
-                and min(placed[c, 2], placed[c, 5]) - margin < z1
-                and max(placed[c, 2], placed[c, 5]) + margin > z0
-                and any_within(x, y, z, start, end, placed, c, margin)
-            ):
-                count += 1
-                near[block, count] = c
-        near[block, 0] = count
-
-
-@inlined
-def coefficient(friction, c):
-    """Friction of collider c, None where no collider has any."""
-    if friction is None:
-        return None
-    return friction[c]
-
-
-@inlined
-def respond(i, depth, nx, ny, nz, bone, friction, step, positions, velocity, spin, x, y, z, vx, vy, vz):
-    """Stop vertex i, `depth` [m] too deep along the unit normal n, at the surface that moves with `bone`."""
-    lx, ly, lz = x[i] - positions[bone, 0], y[i] - positions[bone, 1], z[i] - positions[bone, 2]
-    sx = velocity[bone, 0] + spin[bone, 1] * lz - spin[bone, 2] * ly
-    sy = velocity[bone, 1] + spin[bone, 2] * lx - spin[bone, 0] * lz
-    sz = velocity[bone, 2] + spin[bone, 0] * ly - spin[bone, 1] * lx
-    rx, ry, rz = vx[i] - sx, vy[i] - sy, vz[i] - sz
     inwards = -(rx * nx + ry * ny + rz * nz)
     if inwards > 0.0:
         rx, ry, rz = rx + inwards * nx, ry + inwards * ny, rz + inwards * nz
-        if friction is not None:
+        if friction > 0.0:
             slide = math.sqrt(rx * rx + ry * ry + rz * rz)
             kept = max(0.0, 1.0 - friction * inwards / slide) if slide > 0.0 else 0.0
             rx, ry, rz = kept * rx, kept * ry, kept * rz
+    return rx, ry, rz, inwards
+
+
+@inlined
+def respond(i, depth, nx, ny, nz, bone, friction, step, most, m, s):
+    """Stop vertex i, `depth` [m] too deep along the unit normal n, at the surface that moves with `bone`.
+
+    Its position changes by what its velocity does, times the `step` [s], and by at most `most` [m] for the depth that
+    is left. Returns the speed [m/s] that it had into the surface.
+    """
+    sx, sy, sz = velocity_at(bone, s.x[i], s.y[i], s.z[i], m)
+    rx, ry, rz, inwards = stopped(s.vx[i] - sx, s.vy[i] - sy, s.vz[i] - sz, nx, ny, nz, friction)
+    if inwards > 0.0:
         ux, uy, uz = sx + rx, sy + ry, sz + rz
-        mx, my, mz = step * (ux - vx[i]), step * (uy - vy[i]), step * (uz - vz[i])
-        vx[i], vy[i], vz[i] = ux, uy, uz
-        x[i] += mx
-        y[i] += my
-        z[i] += mz
+        mx, my, mz = step * (ux - s.vx[i]), step * (uy - s.vy[i]), step * (uz - s.vz[i])
+        s.vx[i], s.vy[i], s.vz[i] = ux, uy, uz
+        s.x[i] += mx
+        s.y[i] += my
+        s.z[i] += mz
         depth -= mx * nx + my * ny + mz * nz
+    depth = min(depth, most)
     if depth > 0.0:
-        x[i] += depth * nx
-        y[i] += depth * ny
-        z[i] += depth * nz
+        s.x[i] += depth * nx
+        s.y[i] += depth * ny
+        s.z[i] += depth * nz
+    return inwards
 
 
 @inlined
-def leave_capsule(
-    i, c, reach, bones, placed, friction, step, positions, velocity, spin, x, y, z, vx, vy, vz
-):  # fmt: skip
-    """Stop vertex i at `reach` [m] from the axis of capsule c."""
-    distance, nx, ny, nz = to_capsule(
-        x[i], y[i], z[i],
-        placed[c, 0], placed[c, 1], placed[c, 2], placed[c, 3], placed[c, 4], placed[c, 5],
-        reach,
-    )  # fmt: skip
-    respond(
-        i, -distance, nx, ny, nz, bones[c], coefficient(friction, c), step, positions, velocity, spin,
-        x, y, z, vx, vy, vz,
-    )  # fmt: skip
+def leave(start, end, free, s, shapes, c, thickness, step, most, m):
+    """Stop the free ones of vertices start to end that are within `thickness` [m] of collider c, as `gaps` tells.
 
-
-@driver
-def collide_capsules(
-    lo, hi, free, x, y, z, vx, vy, vz, near, touched, bones, placed, radius, friction, thickness, step,
-    positions, velocity, spin,
-):  # fmt: skip
-    """Keep the free ones of vertices lo to hi out of all near capsules.
-
-    Where capsules overlap, leaving one may mean entering another: each vertex that touches any is led around all near
-    ones until none is violated, or `PASSES` times. `touched` (BLOCK,) is room for a mark of each.
+    Returns the highest speed [m/s] into the surface, 0 where they move out of it, and -1 where none is as near.
     """
-    for start in range(lo, hi, BLOCK):
-        block, end = start // BLOCK, min(start + BLOCK, hi)
-        touched[:] = 0
-        for k in range(near[block, 0]):
-            c = near[block, k + 1]
-            reach = radius[c] + thickness
-            if not any_within(x, y, z, start, end, placed, c, reach):
-                continue
-            for i in range(start, end):
-                if free[i] and is_within(x[i], y[i], z[i], placed, c, reach):
-                    leave_capsule(
-                        i, c, reach, bones, placed, friction, step, positions, velocity, spin, x, y, z, vx, vy, vz
-                    )  # fmt: skip
-                    touched[i - start] = 1
-        if near[block, 0] < 2:
-            continue
-        for i in range(start, end):
-            if touched[i - start] == 0:
-                continue
-            for _ in range(PASSES):
-                clear = True
-                for k in range(near[block, 0]):
-                    c = near[block, k + 1]
-                    reach = radius[c] + thickness
-                    if is_within(x[i], y[i], z[i], placed, c, reach - GRAZE):
-                        clear = False
-                        leave_capsule(
-                            i, c, reach, bones, placed, friction, step, positions, velocity, spin, x, y, z, vx, vy, vz
-                        )  # fmt: skip
-                if clear:
-                    break
+    hardest = -1.0
+    collider = shapes.colliders[c]
+    for i in range(start, end):
+        if shapes.gaps[i - start] < 0.0 and free[i]:
+            distance, nx, ny, nz = distance_to(shapes, c, s.x[i], s.y[i], s.z[i])
+            speed = respond(
+                i, thickness - distance, nx, ny, nz, collider.bone, collider.friction, step, most, m, s
+            )  # fmt: skip
+            hardest = max(hardest, max(speed, 0.0))
+    return hardest
 
 
 @inlined
-def count_behind(x, y, z, nx, ny, nz, offset):
-    """Number of points whose coordinate along a direction is below an offset."""
-    count = 0
-    for i in range(x.size):
-        if x[i] * nx + y[i] * ny + z[i] * nz < offset:
-            count += 1
-    return count
+def before(s, i, step, earlier):
+    """Where vertex i was at the start of the step [m]."""
+    if earlier is None:
+        return s.x[i] - step * s.vx[i], s.y[i] - step * s.vy[i], s.z[i] - step * s.vz[i]
+    return earlier[0, i], earlier[1, i], earlier[2, i]
+
+
+@inlined
+def turn_of(bone, step, m):
+    """Sine and cosine of the angle by which a bone turns in a step, and the unit axis, zero for none."""
+    wx, wy, wz = m.spin[bone, 0], m.spin[bone, 1], m.spin[bone, 2]
+    spin = math.sqrt(wx * wx + wy * wy + wz * wz)
+    scale = 1.0 / spin if spin > 1e-12 else 0.0
+    return math.sin(spin * step), math.cos(spin * step), scale * wx, scale * wy, scale * wz
+
+
+@inlined
+def carried(x, y, z, bone, sine, cosine, wx, wy, wz, step, m):
+    """Where a point at the start of a step [m] would be at its end, moved and turned (`turn_of`) along with a bone."""
+    ox, oy, oz = m.positions[bone, 0], m.positions[bone, 1], m.positions[bone, 2]
+    x = x - (ox - step * m.velocity[bone, 0])
+    y = y - (oy - step * m.velocity[bone, 1])
+    z = z - (oz - step * m.velocity[bone, 2])
+    along = (1.0 - cosine) * (wx * x + wy * y + wz * z)
+    return (
+        ox + cosine * x + sine * (wy * z - wz * y) + along * wx,
+        oy + cosine * y + sine * (wz * x - wx * z) + along * wy,
+        oz + cosine * z + sine * (wx * y - wy * x) + along * wz,
+    )
+
+
+@inlined
+def hit(shapes, c, x, y, z, dx, dy, dz, way, skin):
+    """Share of a way from (x, y, z) along d, `way` [m] long, at which it comes within `skin` of collider c's surface.
+
+    In the collider's frame; returns the share, above 1 where it does not, and the normal there.
+    """
+    share = 0.0
+    distance, nx, ny, nz = nearest(shapes, c, x, y, z)
+    if distance <= skin:
+        return 2.0, nx, ny, nz
+    for _ in range(ADVANCES):
+        share += (distance - skin) / way
+        if share >= 1.0 or distance - skin < ARRIVED:
+            break
+        distance, nx, ny, nz = nearest(shapes, c, x + share * dx, y + share * dy, z + share * dz)
+    return share, nx, ny, nz
+
+
+@inlined
+def is_fast(way, core):
+    """Tell whether what moves against a collider by `way` [m] at once must be followed on its way."""
+    return way > 0.5 * core
 
 
 @driver
-def collide_planes(
-    lo, hi, free, x, y, z, vx, vy, vz, bones, points, normals, friction, thickness, step,
-    positions, matrices, velocity, spin,
-):  # fmt: skip
-    """Keep the free ones of vertices lo to hi in front of planes.
+def sweep(start, end, free, s, earlier, shapes, c, thickness, step, m):
+    """Stop the free ones of vertices start to end whose way through this step enters collider c, where they enter.
 
-    Points [m] and unit normals are in the bones' frames, shape (P, 3).
+    Returns as `leave` does.
     """
-    dtype = x.dtype.type
-    for p in range(bones.size):
-        b = bones[p]
-        ox, oy, oz = to_world(b, points[p, 0], points[p, 1], points[p, 2], positions, matrices)
-        m, n = matrices[b], normals[p]
-        mx = m[0, 0] * n[0] + m[0, 1] * n[1] + m[0, 2] * n[2]
-        my = m[1, 0] * n[0] + m[1, 1] * n[1] + m[1, 2] * n[2]
-        mz = m[2, 0] * n[0] + m[2, 1] * n[1] + m[2, 2] * n[2]
-        # Rounding in single precision decides at most whether to look closer.
-        offset = ox * mx + oy * my + oz * mz + thickness + GRAZE
-        if count_behind(x[lo:hi], y[lo:hi], z[lo:hi], dtype(mx), dtype(my), dtype(mz), dtype(offset)) == 0:
+    hardest = -1.0
+    b, r = shapes.colliders[c].bone, shapes.colliders[c].placed
+    sine, cosine, wx, wy, wz = turn_of(b, step, m)
+    skin = SKIN * thickness
+    for i in range(start, end):
+        if not free[i]:
             continue
-        for i in range(lo, hi):
-            distance, nx, ny, nz = to_plane(x[i], y[i], z[i], ox, oy, oz, mx, my, mz)
-            if distance < thickness and free[i]:
-                respond(
-                    i, thickness - distance, nx, ny, nz, b, coefficient(friction, p), step,
-                    positions, velocity, spin, x, y, z, vx, vy, vz,
-                )  # fmt: skip
+        x, y, z = before(s, i, step, earlier)
+        x, y, z = carried(x, y, z, b, sine, cosine, wx, wy, wz, step, m)
+        x, y, z = into_shape(r, x, y, z)
+        ex, ey, ez = into_shape(r, s.x[i], s.y[i], s.z[i])
+        dx, dy, dz = ex - x, ey - y, ez - z
+        way = math.sqrt(dx * dx + dy * dy + dz * dz)
+        if not is_fast(way, shapes.colliders[c].core):
+            continue
+        share, nx, ny, nz = hit(shapes, c, x, y, z, dx, dy, dz, way, skin)
+        if share >= 1.0:
+            continue
+        x, y, z = x + share * dx, y + share * dy, z + share * dz
+        plane = x * nx + y * ny + z * nz
+        gx, gy, gz = direction_to_world(r, nx, ny, nz)
+        speed = respond(i, 0.0, gx, gy, gz, b, shapes.colliders[c].friction, step, 0.0, m, s)
+        hardest = max(hardest, max(speed, 0.0))
+        ex, ey, ez = into_shape(r, s.x[i], s.y[i], s.z[i])
+        behind = plane - (ex * nx + ey * ny + ez * nz)
+        if behind > 0.0:
+            s.x[i] += behind * gx
+            s.y[i] += behind * gy
+            s.z[i] += behind * gz
+    return hardest
 
 
 @driver
-def collide_boxes(
-    lo, hi, free, x, y, z, vx, vy, vz, bones, centers, halves, frames, r, friction, thickness, step,
-    positions, matrices, velocity, spin,
-):  # fmt: skip
-    """Keep the free ones of vertices lo to hi out of boxes.
+def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
+    """Keep the free ones of vertices lo to hi out of all colliders of a kind, which move with the bones `m`.
 
-    Centres [m] are in the bones' frames, `halves` [m] and `frames` (N, 3, 3) box_to_bone describe the cuboids; `r`
-    (3, 3) is room for a box_to_world.
+    It is the `turn`th time in this frame, `step` [s] after the one before. `earlier` are the positions then (at least
+    3, N), None where they are x - step v; `share` of the thickness is kept. Where colliders overlap, leaving one may
+    mean entering another: a tile is led around all those that it touches until none is violated, or `PASSES` times.
     """
-    for k in range(bones.size):
-        b = bones[k]
-        cx, cy, cz = to_world(b, centers[k, 0], centers[k, 1], centers[k, 2], positions, matrices)
-        for row in range(3):
-            for column in range(3):
-                r[row, column] = (
-                    matrices[b, row, 0] * frames[k, 0, column]
-                    + matrices[b, row, 1] * frames[k, 1, column]
-                    + matrices[b, row, 2] * frames[k, 2, column]
-                )
-        reach = math.sqrt(halves[k, 0] ** 2 + halves[k, 1] ** 2 + halves[k, 2] ** 2) + thickness
-        for i in range(lo, hi):
-            wx, wy, wz = x[i] - cx, y[i] - cy, z[i] - cz
-            if wx * wx + wy * wy + wz * wz > reach * reach or not free[i]:
+    most = EXIT * step
+    hot = shapes.hot
+    hit = were_alarmed(shapes, turn)
+    due = turn + LONGEST
+    first, last = tiles(lo, hi)
+    for tile in range(first, last):
+        alarmed = hit and is_alarmed(shapes, tile, turn)
+        if shapes.next[tile] > turn and not alarmed:
+            due = min(due, shapes.next[tile])
+            continue
+        start = tile * TILE
+        end = min(start + TILE, hi)
+        mid = (start + end) // 2
+        far, fast = spread_of(shapes, tile, s, start, end, turn, step)
+        soonest, hardest = turn + LONGEST, -1.0
+        hot[0] = 0
+        for k in range(1, shapes.active[0] + 1):
+            if shapes.wake[tile, k - 1] > turn and not alarmed:
+                soonest = min(soonest, shapes.wake[tile, k - 1])
                 continue
-            distance, lx, ly, lz = to_box(
-                r[0, 0] * wx + r[1, 0] * wy + r[2, 0] * wz,
-                r[0, 1] * wx + r[1, 1] * wy + r[2, 1] * wz,
-                r[0, 2] * wx + r[1, 2] * wy + r[2, 2] * wz,
-                halves[k, 0],
-                halves[k, 1],
-                halves[k, 2],
-            )
-            if distance < thickness:
-                respond(
-                    i, thickness - distance,
-                    r[0, 0] * lx + r[0, 1] * ly + r[0, 2] * lz,
-                    r[1, 0] * lx + r[1, 1] * ly + r[1, 2] * lz,
-                    r[2, 0] * lx + r[2, 1] * ly + r[2, 2] * lz,
-                    b, coefficient(friction, k), step, positions, velocity, spin, x, y, z, vx, vy, vz,
-                )  # fmt: skip
+            c = shapes.active[k]
+            place(shapes, c, m.positions, m.matrices)
+            speed = approach(s, mid, far, fast, shapes.colliders[c].bone, m)
+            thickness = share * shapes.colliders[c].thickness
+            if is_fast(speed * step, shapes.colliders[c].core):
+                hardest = max(hardest, sweep(start, end, free, s, earlier, shapes, c, thickness, step, m))
+            inside, gap = look(shapes, c, s, start, end, thickness)
+            if gap < NEAR * (speed + GAIN) * step:
+                hot[0] += 1
+                hot[hot[0]] = c
+            if inside > 0:
+                hardest = max(hardest, leave(start, end, free, s, shapes, c, thickness, step, most, m))
+            # Contact forces, where there are any, begin at the whole thickness.
+            wake = turn + nap(gap + thickness - shapes.colliders[c].thickness, speed, step)
+            shapes.wake[tile, k - 1] = wake
+            soonest = min(soonest, wake)
+        shapes.next[tile] = soonest
+        due = min(due, soonest)
+        if hardest >= 0.0 and hot[0] > 1:
+            lead_out(start, end, free, s, shapes, share, step, most, m)
+        if hardest > 0.5 * GAIN:
+            alarm(shapes, tile, turn)
+    shapes.clock[DUE] = due
+
+
+@driver
+def lead_out(start, end, free, s, shapes, share, step, most, m):
+    """Lead vertices start to end around all hot colliders."""
+    hot = shapes.hot
+    for _ in range(PASSES):
+        clear = True
+        for k in range(1, hot[0] + 1):
+            c = hot[k]
+            thickness = share * shapes.colliders[c].thickness - GRAZE
+            inside, _ = look(shapes, c, s, start, end, thickness)
+            if inside > 0 and leave(start, end, free, s, shapes, c, thickness, step, most, m) >= 0.0:
+                clear = False
+        if clear:
+            break

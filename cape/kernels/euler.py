@@ -1,8 +1,9 @@
 """Symplectic Euler: one call is one frame, for one thread or each of a team."""
 
-from cape.kernels.bones import move_bones, start_motion
+from cape.kernels.attachments import hold
+from cape.kernels.bones import move_bones
 from cape.kernels.forces import compute_forces
-from cape.kernels.frame import collide, hold_attached
+from cape.kernels.frame import begin_frame, keep_out
 from cape.kernels.jit import driver, kernel
 from cape.kernels.team import meet, span
 
@@ -22,23 +23,19 @@ def advance(dt, gravity_x, gravity_y, gravity_z, inverse_mass, fx, fy, fz, x, y,
 
 @driver
 def euler_frame(
-    s, model, inertia, forces, room, motion, m, attached, free, thickness, capsules, planes, boxes,
-    substeps, duration, team,
+    s, model, inertia, forces, room, motion, m, attached, contacts, substeps, duration, team
 ):  # fmt: skip
     """Advance the state `s` by `duration` [s] in `substeps` steps: forces, integration, contact, attachments.
 
-    `forces` (3, N) is shared room, `room` the forces' scratch and `m` a MotionRoom of this thread; `attached`,
-    `capsules`, `planes`, `boxes`, `team` and the parts of `model` are None where there are none, and then pruned.
+    `forces` (3, N) is shared room, `room` the forces' scratch, `m` a MotionRoom and `contacts` those of this thread;
+    `attached`, `team` and the parts of `model` and `contacts` are None where there are none, and then pruned.
     """
     lo, hi = span(s.x.size, team)
     step = duration / substeps
     dtype = s.x.dtype.type
     fx, fy, fz = forces[0], forces[1], forces[2]
     gx, gy, gz = dtype(inertia.gravity[0]), dtype(inertia.gravity[1]), dtype(inertia.gravity[2])
-    start_motion(
-        motion.position0, motion.rotation0, motion.position1, motion.rotation1, duration, substeps,
-        m.matrices, m.turns, m.velocity, m.spin,
-    )  # fmt: skip
+    begin_frame(lo, hi, s, attached, contacts.groups, contacts.faces, motion, m, duration, substeps, team)
     for substep in range(substeps):
         compute_forces(lo, hi, s, model, fx, fy, fz, room, team)
         meet(team)
@@ -46,7 +43,10 @@ def euler_frame(
             dtype(step), gx, gy, gz, inertia.inverse_mass[lo:hi], fx[lo:hi], fy[lo:hi], fz[lo:hi],
             s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
         )  # fmt: skip
-        move_bones(motion.position0, m.velocity, m.turns, (substep + 1) * step, m.positions, m.matrices)
-        collide(lo, hi, s, free, thickness, capsules, planes, boxes, m, substep, step)
-        hold_attached(lo, hi, s, attached, m, step)
+        move_bones(motion, m, (substep + 1) * step)
+        keep_out(
+            lo, hi, s, inertia.inverse_mass, None, contacts.free, contacts.groups, contacts.faces, m, 1.0, substep,
+            step, team,
+        )  # fmt: skip
+        hold(lo, hi, s, attached, m, (substep + 1) * step, step)
         meet(team)

@@ -1,48 +1,51 @@
-"""What every solver does in a substep besides its own integration: contact and attachments."""
+"""What every solver does in a frame besides its own integration: the bones' motion, contact, attachments."""
 
-from cape.kernels.bones import hold
-from cape.kernels.contact import collide_boxes, collide_capsules, collide_planes, find_near, place_capsules
-from cape.kernels.jit import driver
+from numba import literal_unroll
 
-NEAR_EVERY = 16  # substeps between two searches for near capsules
-SLACK = 0.01  # m that a vertex may move in that time beyond what its speed at the search tells
-
-
-@driver
-def collide(lo, hi, s, free, thickness, capsules, planes, boxes, m, substep, step):
-    """Keep the free ones of vertices lo to hi out of all colliders, which are where `m` has moved them.
-
-    `lo` is a multiple of `contact.BLOCK`. Groups that are None are pruned at compile time, which works for arguments,
-    not for fields of a record.
-    """
-    if capsules is not None:
-        place_capsules(capsules.bones, capsules.starts, capsules.ends, m.positions, m.matrices, capsules.placed)
-        if substep % NEAR_EVERY == 0:
-            find_near(
-                lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, capsules.placed, capsules.radius, thickness,
-                capsules.bones, m.positions, m.velocity, m.spin, NEAR_EVERY * step, SLACK, capsules.near,
-            )  # fmt: skip
-        collide_capsules(
-            lo, hi, free, s.x, s.y, s.z, s.vx, s.vy, s.vz, capsules.near, capsules.touched, capsules.bones,
-            capsules.placed, capsules.radius, capsules.friction, thickness, step, m.positions, m.velocity, m.spin,
-        )  # fmt: skip
-    if boxes is not None:
-        collide_boxes(
-            lo, hi, free, s.x, s.y, s.z, s.vx, s.vy, s.vz, boxes.bones, boxes.centers, boxes.halves, boxes.frames,
-            boxes.room, boxes.friction, thickness, step, m.positions, m.matrices, m.velocity, m.spin,
-        )  # fmt: skip
-    if planes is not None:
-        collide_planes(
-            lo, hi, free, s.x, s.y, s.z, s.vx, s.vy, s.vz, planes.bones, planes.points, planes.normals,
-            planes.friction, thickness, step, m.positions, m.matrices, m.velocity, m.spin,
-        )  # fmt: skip
+from cape.kernels.attachments import lift_held
+from cape.kernels.bones import start_motion
+from cape.kernels.contact import collide
+from cape.kernels.faces import collide_faces
+from cape.kernels.jit import driver, inlined
+from cape.kernels.shapes import MOMENT
+from cape.kernels.team import is_first, meet
+from cape.kernels.watch import begin, is_due
 
 
 @driver
-def hold_attached(lo, hi, s, attached, m, step):
-    """Put the attached ones of vertices lo to hi where their bones hold them."""
+def begin_frame(lo, hi, s, attached, groups, faces, motion, m, duration, substeps, team):
+    """Start the motion of the bones, see which colliders the cloth may meet, and lift what bones hold out of them."""
+    start_motion(motion, m, duration, substeps)
+    if groups is not None:
+        for shapes in literal_unroll(groups):
+            begin(lo, hi, s, shapes, m, duration)
+    if faces is not None:
+        for group in literal_unroll(faces):
+            group.next[:] = 0
+            group.due[:] = 0
+            group.wake[:] = 0
+    if groups is not None:
+        meet(team)
     if attached is not None:
-        hold(
-            lo, hi, attached.vertices, attached.bones, attached.points, step, m.positions, m.matrices,
-            s.x, s.y, s.z, s.vx, s.vy, s.vz,
-        )  # fmt: skip
+        lift_held(lo, hi, attached, groups, motion, m, duration)
+        start_motion(motion, m, duration, substeps)
+
+
+@inlined
+def keep_out(lo, hi, s, inverse_mass, earlier, free, groups, faces, m, share, turn, step, team):
+    """Keep the `free` ones of vertices lo to hi, then triangles, out of all colliders, which `m` has moved.
+
+    `groups` and `faces` are those of `Contacts`; the other arguments are those of `contact.collide`. One thread looks
+    after all triangles, whose corners may be any thread's.
+    """
+    if groups is not None:
+        for shapes in literal_unroll(groups):
+            shapes.clock[MOMENT] += 1
+            if is_due(shapes, turn):
+                collide(lo, hi, free, s, earlier, shapes, m, share, turn, step)
+    if faces is not None:
+        meet(team)
+        if is_first(team):
+            for group in literal_unroll(faces):
+                collide_faces(s, inverse_mass, earlier, group, m, share, turn, step)
+        meet(team)

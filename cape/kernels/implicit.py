@@ -19,18 +19,18 @@ Nocedal and Wright 2006, eq. 3.7b); otherwise the secant leads towards its zero.
 
 import math
 
-from cape.kernels.bones import start_motion
+from cape.kernels.attachments import hold_rigidly
 from cape.kernels.conjugate import CHUNK, dot_terms, solve_linear, sum_all
 from cape.kernels.forces import compute_forces
-from cape.kernels.frame import collide
+from cape.kernels.frame import begin_frame, keep_out
 from cape.kernels.jit import driver
-from cape.kernels.penalty import look_around, place_colliders, press_all
+from cape.kernels.penalty import SLIP, look_around, press_all
+from cape.kernels.shapes import forget_places
 from cape.kernels.stages import (
     begin_bdf2,
     begin_euler,
     begin_trapezoid,
     follow,
-    hold_rigidly,
     longest,
     move,
     note_acceleration,
@@ -47,11 +47,12 @@ SLOPE = 0.9  # share of the first directional derivative up to which a step may 
 TRIES = 6  # of the line search
 NARROWEST, WIDEST = 0.1, 0.9  # share of the step at hand that the next try takes
 GUARD = 0.5  # share of the thickness that a step's end leaves free where contact forces did not
+EXACT = 0.1  # share of SLIP to which velocities are solved where contact presses: less costs iterations
 UNSOLVED, NEWTON, LINEAR, SHORTENED = 0, 1, 2, 3  # what is counted: stages not solved, iterations, shortened steps
 
 
 @driver
-def evaluate(lo, hi, problem, penalty, b, team):
+def evaluate(lo, hi, problem, substep, penalty, b, team):
     """Set velocities, contact forces and the residual that belong to the positions of the vertices lo to hi."""
     s, work, inertia = problem.state, problem.work, problem.inertia
     dtype = s.x.dtype.type
@@ -64,7 +65,7 @@ def evaluate(lo, hi, problem, penalty, b, team):
     )  # fmt: skip
     meet(team)
     compute_forces(lo, hi, s, problem.model, f[0], f[1], f[2], problem.scratch, team)
-    press_all(lo, hi, problem.contacts, problem.bones, inertia.mass, s, b, penalty)
+    press_all(lo, hi, problem, problem.contacts.groups, substep, b, penalty)
     add_pressure(lo, hi, penalty, f)
     subtract_inertia(
         rate, dtype(g[0]), dtype(g[1]), dtype(g[2]), inertia.free[lo:hi], inertia.mass[lo:hi],
@@ -114,11 +115,10 @@ def solve_newton_step(lo, hi, problem, penalty, b, forcing, team):
 
 
 @driver
-def solve_stage(lo, hi, problem, b, team):
+def solve_stage(lo, hi, problem, substep, b, team):
     """Solve a stage by Newton's method from the positions at hand; counts it if that does not converge."""
     s, work, front, penalty = problem.state, problem.work, problem.matrix.front, problem.penalty
-    place_colliders(problem.contacts.capsules, problem.bones)
-    evaluate(lo, hi, problem, penalty, b, team)
+    evaluate(lo, hi, problem, substep, penalty, b, team)
     for _ in range(problem.settings.iterations):
         slope = solve_newton_step(lo, hi, problem, penalty, b, problem.settings.forcing, team)
         problem.counts[NEWTON] += 1
@@ -131,15 +131,31 @@ def solve_stage(lo, hi, problem, b, team):
                 share *= min(max(slope / (slope - here), NARROWEST), WIDEST)
                 problem.counts[SHORTENED] += 1
             step_along(lo, hi, share, problem)
-            evaluate(lo, hi, problem, penalty, b, team)
+            evaluate(lo, hi, problem, substep, penalty, b, team)
             here = slope_here(lo, hi, front, work, team)
             if here >= -SLOPE * slope:
                 break
-        if largest_of_all(lo, hi, share * longest(work.vectors[0], front + lo, front + hi), work, team) < (
-            problem.settings.tolerance
-        ):
+        left = share * largest_correction(lo, hi, front, work, problem.settings.tolerance, penalty, b)
+        if largest_of_all(lo, hi, left, work, team) < 1.0:
             return
     problem.counts[UNSOLVED] += 1
+
+
+@driver
+def largest_correction(lo, hi, front, work, tolerance, penalty, b):
+    """Largest of the Newton steps of the vertices lo to hi, as a share of what may be left.
+
+    That is the `tolerance` [m], and where contact presses at most what changes a velocity by little as against `SLIP`,
+    on which friction depends; the linear systems are not solved much better for such a vertex than its pressure is.
+    """
+    d = work.vectors[0]
+    largest = longest(d, front + lo, front + hi) / tolerance
+    if penalty is not None:
+        f, least = penalty.force, min(tolerance, EXACT * SLIP * b)
+        for i in range(lo, hi):
+            if f[0, i] != 0.0 or f[1, i] != 0.0 or f[2, i] != 0.0:
+                largest = max(largest, longest(d, front + i, front + i + 1) / least)
+    return largest
 
 
 @driver
@@ -168,7 +184,7 @@ def accelerate(lo, hi, problem, b, team):
     stand(
         dtype(b), s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.target[:, lo:hi]
     )  # fmt: skip
-    evaluate(lo, hi, problem, None, b, team)
+    evaluate(lo, hi, problem, 0, None, b, team)
     solve_newton_step(lo, hi, problem, None, b, problem.settings.forcing**3, team)
     d, a, e = work.vectors[0], problem.matrix.front + lo, problem.matrix.front + hi
     scale(dtype(1.0 / (b * b)), d[0, a:e], d[1, a:e], d[2, a:e], work.acceleration[:, lo:hi])
@@ -212,28 +228,30 @@ def balance(lo, hi, inverse_mass, acceleration, penalty):
 
 
 @driver
-def begin_frame(motion, bones, duration):
-    """Find the velocities at which the bones move through the frame."""
-    start_motion(
-        motion.position0, motion.rotation0, motion.position1, motion.rotation1, duration, 1,
-        bones.matrices, bones.turns, bones.velocity, bones.spin,
+def begin(lo, hi, problem, duration, h, team):
+    """Find the velocities at which the bones move through the frame, and what the cloth may touch in its first step."""
+    contacts, bones, s = problem.contacts, problem.bones, problem.state
+    begin_frame(
+        lo, hi, s, problem.attached, contacts.groups, contacts.faces, problem.motion, bones, duration, 1, team
     )  # fmt: skip
+    look_around(lo, hi, contacts.groups, bones, s, h)
 
 
 @driver
 def place_bones(lo, hi, problem, time, b):
     """Place the bones and what they hold of the vertices lo to hi `time` [s] after the frame's start."""
-    motion, bones = problem.motion, problem.bones
-    place_at(time, motion.position0, motion.rotation0, bones.velocity, bones.spin, bones.positions, bones.matrices)
-    hold_rigidly(lo, hi, problem.attached, bones, b, problem.state, problem.work.target)
+    place_at(time, problem.motion, problem.bones)
+    forget_places(problem.contacts.groups)
+    hold_rigidly(lo, hi, problem.state, problem.attached, problem.bones, time, b, problem.work.target)
 
 
 @driver
-def leave_colliders(lo, hi, problem, contacts, substep, h):
-    """Move out what contact forces left deeper in the thickness of colliders than they should."""
-    collide(
-        lo, hi, problem.state, contacts.free, GUARD * contacts.thickness, contacts.capsules, contacts.planes,
-        contacts.boxes, problem.bones, substep, h,
+def leave_colliders(lo, hi, problem, earlier, substep, h, team):
+    """Move out what a step of `h` [s] leaves deeper than contact forces should, or on a fast limb's other side."""
+    contacts = problem.contacts
+    keep_out(
+        lo, hi, problem.state, problem.inertia.inverse_mass, earlier, contacts.free, contacts.groups, contacts.faces,
+        problem.bones, GUARD, substep, h, team,
     )  # fmt: skip
 
 
@@ -243,50 +261,48 @@ def backward_euler_frame(problem, substeps, duration, team):
 
     Of the `problem`, `scratch`, `work.scratch`, `counts`, `bones` and `contacts` are this thread's own.
     """
-    s, target, contacts = problem.state, problem.work.target, problem.contacts
+    s, work = problem.state, problem.work
     lo, hi = span(s.x.size, team)
     h = duration / substeps
-    begin_frame(problem.motion, problem.bones, duration)
+    begin(lo, hi, problem, duration, h, team)
     for substep in range(substeps):
         place_bones(lo, hi, problem, substep * h, h)
-        look_around(lo, hi, contacts.capsules, contacts.thickness, problem.bones, s, h)
         begin_euler(
             s.x.dtype.type(h), s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
-            target[:, lo:hi],
+            work.target[:, lo:hi],
         )  # fmt: skip
         place_bones(lo, hi, problem, (substep + 1) * h, h)
-        solve_stage(lo, hi, problem, h, team)
-        leave_colliders(lo, hi, problem, contacts, substep, h)
+        solve_stage(lo, hi, problem, substep, h, team)
+        leave_colliders(lo, hi, problem, None, substep, h, team)
 
 
 @driver
 def tr_bdf2_frame(problem, substeps, duration, team):
     """Advance the state by `duration` [s] in `substeps` steps of TR-BDF2; arguments as for backward Euler."""
-    s, work, contacts = problem.state, problem.work, problem.contacts
+    s, work = problem.state, problem.work
     lo, hi = span(s.x.size, team)
     h = duration / substeps
     b, dtype = 0.5 * GAMMA * h, s.x.dtype.type
     c1 = 1.0 / (GAMMA * (2.0 - GAMMA))
-    begin_frame(problem.motion, problem.bones, duration)
+    begin(lo, hi, problem, duration, h, team)
     for substep in range(substeps):
         place_bones(lo, hi, problem, substep * h, b)
-        look_around(lo, hi, contacts.capsules, contacts.thickness, problem.bones, s, h)
         if substep == 0:
             accelerate(lo, hi, problem, b, team)
-            press_all(lo, hi, contacts, problem.bones, problem.inertia.mass, s, b, problem.penalty)
+            press_all(lo, hi, problem, problem.contacts.groups, substep, b, problem.penalty)
             balance(lo, hi, problem.inertia.inverse_mass, work.acceleration, problem.penalty)
         begin_trapezoid(
             dtype(b), work.acceleration[:, lo:hi], s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
             s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.start[:, lo:hi], work.target[:, lo:hi],
         )  # fmt: skip
         place_bones(lo, hi, problem, (substep + GAMMA) * h, b)
-        solve_stage(lo, hi, problem, b, team)
+        solve_stage(lo, hi, problem, substep, b, team)
         begin_bdf2(
             dtype(c1 - 1.0), dtype(c1), dtype((1.0 - GAMMA) * h), s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
             s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.start[:, lo:hi], work.target[:, lo:hi],
         )  # fmt: skip
         place_bones(lo, hi, problem, (substep + 1) * h, b)
-        solve_stage(lo, hi, problem, b, team)
+        solve_stage(lo, hi, problem, substep, b, team)
         keep_acceleration(lo, hi, problem, b)
         balance(lo, hi, problem.inertia.inverse_mass, work.acceleration, problem.penalty)
-        leave_colliders(lo, hi, problem, contacts, substep, h)
+        leave_colliders(lo, hi, problem, work.start, substep, h, team)

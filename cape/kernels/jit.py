@@ -62,8 +62,13 @@ def inlined(function: Callable[..., Any]) -> Any:
     return _compiled(function, forceinline=True)
 
 
+_SETTINGS: dict[str, Any] = {"nogil": True, "_nrt": False, "error_model": "numpy", "no_cfunc_wrapper": True}
+INLINED: dict[str, Any] = {**_SETTINGS, "forceinline": True}
+"""The options of `inlined`, for what numba compiles on its own."""
+
+
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
-    settings: dict[str, Any] = {"nogil": True, "cache": True, "_nrt": False, "error_model": "numpy", **options}
+    settings: dict[str, Any] = {**_SETTINGS, "cache": True, **options}
     dispatcher: Any = njit(**settings)(function)
     if dispatcher is function:  # as it is with the compiler off (NUMBA_DISABLE_JIT=1)
         return function

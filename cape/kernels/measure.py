@@ -2,11 +2,12 @@
 
 import math
 
-from cape.kernels.bones import fill_matrix, to_world
-from cape.kernels.distance import to_box, to_capsule, to_plane
+from cape.kernels.bones import set_pose
 from cape.kernels.jit import driver
+from cape.kernels.shapes import MOMENT, distance_to, place
 
 BINS = 4096  # of the histogram of strain
+NEAR = 1e-4  # m beyond a collider's thickness at which a vertex still touches it: rounding, and what a step leaves
 WIDEST = 0.4096  # strain at which the histogram ends; what lies above is counted in the last bin
 
 
@@ -51,72 +52,31 @@ def kinetic_energy(mass, vx, vy, vz):
 
 
 @driver
-def place_bones(positions, rotations, matrices):
-    """Fill `matrices` (B, 3, 3) bone_to_world from unit quaternions wxyz (B, 4)."""
-    for b in range(positions.shape[0]):
-        fill_matrix(rotations[b, 0], rotations[b, 1], rotations[b, 2], rotations[b, 3], matrices[b])
+def touching(x, y, z, counted, shapes, positions, rotations, m, vertices, colliders, places):
+    """Find the contacts of the counted vertices with shapes, and the deepest penetration.
 
+    The bones `m` are put at positions [m] (B, 3) and rotations bone_to_world wxyz (B, 4). A contact is a vertex within
+    a shape's thickness or `NEAR` beyond it; as many as there is room for are written to `vertices` and `colliders` (R,)
+    and `places` (R, 7): the point on the surface [m], the normal, and the depth in the thickness [m].
 
-@driver
-def depth_in_capsules(x, y, z, counted, capsules, margin, positions, matrices):
-    """Deepest penetration of the counted vertices into shapes grown by a margin [m], and the capsule, -1 for none."""
-    deepest, which = 0.0, -1
-    for c in range(capsules.bones.size):
-        b = capsules.bones[c]
-        ax, ay, az = to_world(
-            b, capsules.starts[c, 0], capsules.starts[c, 1], capsules.starts[c, 2], positions, matrices
-        )
-        ex, ey, ez = to_world(b, capsules.ends[c, 0], capsules.ends[c, 1], capsules.ends[c, 2], positions, matrices)
+    Returns the deepest penetration [m] and the shape, -1 for none, and how many contacts there are.
+    """
+    set_pose(positions, rotations, m)
+    shapes.clock[MOMENT] += 1
+    deepest, which, count = 0.0, -1, 0
+    for c in range(shapes.colliders.size):
+        place(shapes, c, m.positions, m.matrices)
+        thickness = shapes.colliders[c].thickness
         for i in range(x.size):
             if counted[i]:
-                distance, _, _, _ = to_capsule(x[i], y[i], z[i], ax, ay, az, ex, ey, ez, capsules.radius[c])
-                if margin - distance > deepest:
-                    deepest, which = margin - distance, c
-    return deepest, which
-
-
-@driver
-def depth_in_planes(x, y, z, counted, planes, margin, positions, matrices):
-    """Deepest penetration of the counted vertices into shapes grown by a margin [m], and the plane, -1 for none."""
-    deepest, which = 0.0, -1
-    for p in range(planes.bones.size):
-        b = planes.bones[p]
-        ox, oy, oz = to_world(b, planes.points[p, 0], planes.points[p, 1], planes.points[p, 2], positions, matrices)
-        m, n = matrices[b], planes.normals[p]
-        nx = m[0, 0] * n[0] + m[0, 1] * n[1] + m[0, 2] * n[2]
-        ny = m[1, 0] * n[0] + m[1, 1] * n[1] + m[1, 2] * n[2]
-        nz = m[2, 0] * n[0] + m[2, 1] * n[1] + m[2, 2] * n[2]
-        for i in range(x.size):
-            if counted[i]:
-                distance, _, _, _ = to_plane(x[i], y[i], z[i], ox, oy, oz, nx, ny, nz)
-                if margin - distance > deepest:
-                    deepest, which = margin - distance, p
-    return deepest, which
-
-
-@driver
-def depth_in_boxes(x, y, z, counted, boxes, margin, positions, matrices):
-    """Deepest penetration of the counted vertices into shapes grown by a margin [m], and the box, -1 for none."""
-    deepest, which = 0.0, -1
-    for k in range(boxes.bones.size):
-        b = boxes.bones[k]
-        m, frame = matrices[b], boxes.frames[k]
-        cx, cy, cz = to_world(b, boxes.centers[k, 0], boxes.centers[k, 1], boxes.centers[k, 2], positions, matrices)
-        for i in range(x.size):
-            if not counted[i]:
-                continue
-            wx, wy, wz = x[i] - cx, y[i] - cy, z[i] - cz
-            bx = m[0, 0] * wx + m[1, 0] * wy + m[2, 0] * wz
-            by = m[0, 1] * wx + m[1, 1] * wy + m[2, 1] * wz
-            bz = m[0, 2] * wx + m[1, 2] * wy + m[2, 2] * wz
-            distance, _, _, _ = to_box(
-                frame[0, 0] * bx + frame[1, 0] * by + frame[2, 0] * bz,
-                frame[0, 1] * bx + frame[1, 1] * by + frame[2, 1] * bz,
-                frame[0, 2] * bx + frame[1, 2] * by + frame[2, 2] * bz,
-                boxes.halves[k, 0],
-                boxes.halves[k, 1],
-                boxes.halves[k, 2],
-            )
-            if margin - distance > deepest:
-                deepest, which = margin - distance, k
-    return deepest, which
+                distance, nx, ny, nz = distance_to(shapes, c, x[i], y[i], z[i])
+                if -distance > deepest:
+                    deepest, which = -distance, c
+                if distance < thickness + NEAR:
+                    if count < vertices.size:
+                        vertices[count], colliders[count] = i, c
+                        row = places[count]
+                        row[0], row[1], row[2] = x[i] - distance * nx, y[i] - distance * ny, z[i] - distance * nz
+                        row[3], row[4], row[5], row[6] = nx, ny, nz, thickness - distance
+                    count += 1
+    return deepest, which, count

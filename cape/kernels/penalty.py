@@ -6,175 +6,135 @@ relative to the surface that moves with its bone,
 
     f = -mu pressure f1(|u|) u / |u|,    f1(s) = 2 s / SLIP - s^2 / SLIP^2 below SLIP, otherwise 1
 
-The pressure in it is that of the positions at hand rather than of an earlier iteration; minus the derivative, as the
-matrix has it, is k n n^T + mu pressure f1 / (|u| b) (I - n n^T), symmetric and positive semidefinite.
+The pressure in it is that of the positions at hand rather than of an earlier iteration. Minus the derivative, as the
+matrix has it, is symmetric and positive semidefinite: k n n^T + mu pressure f1 / (|u| b) (I - n n^T) where a vertex is
+to slow down, and f1' in place of f1 / |u| along u where it is to speed up. As f1 is concave, Newton's method stays on
+its side of the solution with either; with the derivative throughout it overshoots a vertex's rest, and without it
+what begins to slide takes dozens of iterations.
 """
 
 import math
 
-from cape.kernels.bones import to_world
-from cape.kernels.contact import (
-    BLOCK,
-    GRAZE,
-    any_within,
-    coefficient,
-    count_behind,
-    find_near,
-    is_within,
-    place_capsules,
-)
-from cape.kernels.distance import to_box, to_capsule, to_plane
+from numba import literal_unroll
+
+from cape.kernels.bones import velocity_at
 from cape.kernels.jit import driver, inlined
+from cape.kernels.shapes import MOMENT, distance_to, place
+from cape.kernels.watch import TILE, approach, is_alarmed, look, nap, spread, tiles
 
 SLIP = 1e-3  # m/s below which friction gives way: less sticks better, and costs iterations
 HARD = 10.0  # contact stiffness over mass / b^2, at least: a vertex alone is stopped within a tenth of its way
-SLACK = 0.01  # m that a vertex may move in a step beyond what its speed tells
 
 
 @inlined
-def press(i, depth, nx, ny, nz, bone, friction, stiffness, rate, m, s, force, blocks):
+def press(i, depth, nx, ny, nz, bone, friction, stiffness, rate, m, s, work, inertia, force, blocks):
     """Add the contact of vertex i, `depth` [m] too deep along the unit normal n; `rate` is 1/b."""
     pressure = stiffness * depth
-    fx, fy, fz = pressure * nx, pressure * ny, pressure * nz
-    along, across = stiffness, 0.0
-    if friction is not None:
-        spin, velocity = m.spin[bone], m.velocity[bone]
-        lx, ly, lz = s.x[i] - m.positions[bone, 0], s.y[i] - m.positions[bone, 1], s.z[i] - m.positions[bone, 2]
-        ux = s.vx[i] - (velocity[0] + spin[1] * lz - spin[2] * ly)
-        uy = s.vy[i] - (velocity[1] + spin[2] * lx - spin[0] * lz)
-        uz = s.vz[i] - (velocity[2] + spin[0] * ly - spin[1] * lx)
+    force[0, i] += pressure * nx
+    force[1, i] += pressure * ny
+    force[2, i] += pressure * nz
+    along = stiffness
+    if friction > 0.0:
+        ux, uy, uz = velocity_at(bone, s.x[i], s.y[i], s.z[i], m)
+        ux, uy, uz = s.vx[i] - ux, s.vy[i] - uy, s.vz[i] - uz
         outwards = ux * nx + uy * ny + uz * nz
         ux, uy, uz = ux - outwards * nx, uy - outwards * ny, uz - outwards * nz
         speed = math.sqrt(ux * ux + uy * uy + uz * uz)
         drag = friction * pressure * ((2.0 - speed / SLIP) / SLIP if speed < SLIP else 1.0 / speed)
-        fx, fy, fz = fx - drag * ux, fy - drag * uy, fz - drag * uz
+        force[0, i] -= drag * ux
+        force[1, i] -= drag * uy
+        force[2, i] -= drag * uz
         across = drag * rate
-    force[0, i] += fx
-    force[1, i] += fy
-    force[2, i] += fz
-    along -= across
-    blocks[0, i] += along * nx * nx + across
-    blocks[1, i] += along * ny * ny + across
-    blocks[2, i] += along * nz * nz + across
+        along -= across
+        blocks[0, i] += across
+        blocks[1, i] += across
+        blocks[2, i] += across
+        if speed > 0.0 and push(i, ux, uy, uz, rate, s, work, inertia, force) > 0.0:
+            less = friction * pressure * rate / (speed * (SLIP * SLIP if speed < SLIP else speed * speed))
+            blocks[0, i] -= less * ux * ux
+            blocks[1, i] -= less * uy * uy
+            blocks[2, i] -= less * uz * uz
+            blocks[3, i] -= less * ux * uy
+            blocks[4, i] -= less * ux * uz
+            blocks[5, i] -= less * uy * uz
+    blocks[0, i] += along * nx * nx
+    blocks[1, i] += along * ny * ny
+    blocks[2, i] += along * nz * nz
     blocks[3, i] += along * nx * ny
     blocks[4, i] += along * nx * nz
     blocks[5, i] += along * ny * nz
 
 
-@driver
-def press_capsules(lo, hi, capsules, free, thickness, least, mass, rate, m, s, force, blocks):
-    """Add the contacts of the vertices lo to hi with the capsules near them."""
-    if capsules is not None:
-        placed = capsules.placed
-        for start in range(lo, hi, BLOCK):
-            block, end = start // BLOCK, min(start + BLOCK, hi)
-            for k in range(capsules.near[block, 0]):
-                c = capsules.near[block, k + 1]
-                reach = capsules.radius[c] + thickness
-                if not any_within(s.x, s.y, s.z, start, end, placed, c, reach):
-                    continue
-                for i in range(start, end):
-                    if free[i] and is_within(s.x[i], s.y[i], s.z[i], placed, c, reach):
-                        distance, nx, ny, nz = to_capsule(
-                            s.x[i], s.y[i], s.z[i], placed[c, 0], placed[c, 1], placed[c, 2],
-                            placed[c, 3], placed[c, 4], placed[c, 5], reach,
-                        )  # fmt: skip
-                        press(
-                            i, -distance, nx, ny, nz, capsules.bones[c], coefficient(capsules.friction, c),
-                            least[i] + HARD * rate * rate * mass[i], rate, m, s, force, blocks,
-                        )  # fmt: skip
+@inlined
+def push(i, ux, uy, uz, rate, s, work, inertia, force):
+    """What is left over in the equation of motion of vertex i along u [N m/s]."""
+    f, t, mass, g = work.forces, work.target, inertia.mass[i], inertia.gravity
+    return (
+        ux * (f[0, i] + force[0, i] + mass * (g[0] - rate * (s.vx[i] - t[3, i])))
+        + uy * (f[1, i] + force[1, i] + mass * (g[1] - rate * (s.vy[i] - t[4, i])))
+        + uz * (f[2, i] + force[2, i] + mass * (g[2] - rate * (s.vz[i] - t[5, i])))
+    )
 
 
 @driver
-def press_planes(lo, hi, planes, free, thickness, least, mass, rate, m, s, force, blocks):
-    """Add the contacts of the vertices lo to hi with all planes."""
-    if planes is not None:
-        dtype = s.x.dtype.type
-        for p in range(planes.bones.size):
-            b, point, n = planes.bones[p], planes.points[p], planes.normals[p]
-            ox, oy, oz = to_world(b, point[0], point[1], point[2], m.positions, m.matrices)
-            turn = m.matrices[b]
-            nx = turn[0, 0] * n[0] + turn[0, 1] * n[1] + turn[0, 2] * n[2]
-            ny = turn[1, 0] * n[0] + turn[1, 1] * n[1] + turn[1, 2] * n[2]
-            nz = turn[2, 0] * n[0] + turn[2, 1] * n[1] + turn[2, 2] * n[2]
-            # Rounding in single precision decides at most whether to look closer.
-            offset = ox * nx + oy * ny + oz * nz + thickness + GRAZE
-            if count_behind(s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], dtype(nx), dtype(ny), dtype(nz), dtype(offset)) == 0:
+def press_group(lo, hi, shapes, free, substep, least, rate, m, s, work, inertia, force, blocks):
+    """Add the contacts of the vertices lo to hi with the colliders of a kind that they may touch in this substep."""
+    first, last = tiles(lo, hi)
+    for tile in range(first, last):
+        alarmed = is_alarmed(shapes, tile, substep)
+        if shapes.next[tile] > substep and not alarmed:
+            continue
+        start, end = tile * TILE, min(tile * TILE + TILE, hi)
+        for k in range(1, shapes.active[0] + 1):
+            if shapes.wake[tile, k - 1] > substep and not alarmed:
                 continue
-            for i in range(lo, hi):
-                distance, _, _, _ = to_plane(s.x[i], s.y[i], s.z[i], ox, oy, oz, nx, ny, nz)
-                if distance < thickness and free[i]:
+            c = shapes.active[k]
+            place(shapes, c, m.positions, m.matrices)
+            thickness = shapes.colliders[c].thickness
+            inside, _ = look(shapes, c, s, start, end, thickness)
+            if inside == 0:
+                continue
+            for i in range(start, end):
+                if shapes.gaps[i - start] < 0.0 and free[i]:
+                    distance, nx, ny, nz = distance_to(shapes, c, s.x[i], s.y[i], s.z[i])
                     press(
-                        i, thickness - distance, nx, ny, nz, b, coefficient(planes.friction, p),
-                        least[i] + HARD * rate * rate * mass[i], rate, m, s, force, blocks,
+                        i, thickness - distance, nx, ny, nz, shapes.colliders[c].bone, shapes.colliders[c].friction,
+                        least[i] + HARD * rate * rate * inertia.mass[i], rate, m, s, work, inertia, force, blocks,
                     )  # fmt: skip
 
 
 @driver
-def press_boxes(lo, hi, boxes, free, thickness, least, mass, rate, m, s, force, blocks):
-    """Add the contacts of the vertices lo to hi with all boxes."""
-    if boxes is not None:
-        r = boxes.room
-        for k in range(boxes.bones.size):
-            b, center, half = boxes.bones[k], boxes.centers[k], boxes.halves[k]
-            cx, cy, cz = to_world(b, center[0], center[1], center[2], m.positions, m.matrices)
-            for row in range(3):
-                for column in range(3):
-                    r[row, column] = (
-                        m.matrices[b, row, 0] * boxes.frames[k, 0, column]
-                        + m.matrices[b, row, 1] * boxes.frames[k, 1, column]
-                        + m.matrices[b, row, 2] * boxes.frames[k, 2, column]
-                    )
-            reach = math.sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) + thickness
-            for i in range(lo, hi):
-                x, y, z = s.x[i] - cx, s.y[i] - cy, s.z[i] - cz
-                if x * x + y * y + z * z > reach * reach or not free[i]:
-                    continue
-                distance, nx, ny, nz = to_box(
-                    r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
-                    r[0, 1] * x + r[1, 1] * y + r[2, 1] * z,
-                    r[0, 2] * x + r[1, 2] * y + r[2, 2] * z,
-                    half[0],
-                    half[1],
-                    half[2],
-                )
-                if distance < thickness:
-                    press(
-                        i, thickness - distance,
-                        r[0, 0] * nx + r[0, 1] * ny + r[0, 2] * nz,
-                        r[1, 0] * nx + r[1, 1] * ny + r[1, 2] * nz,
-                        r[2, 0] * nx + r[2, 1] * ny + r[2, 2] * nz,
-                        b, coefficient(boxes.friction, k), least[i] + HARD * rate * rate * mass[i],
-                        rate, m, s, force, blocks,
-                    )  # fmt: skip
-
-
-@driver
-def press_all(lo, hi, contacts, m, mass, s, b, penalty):
+def press_all(lo, hi, problem, groups, substep, b, penalty):
     """Set the contact forces of the vertices lo to hi [N] and minus their derivatives [N/m]; nothing for None."""
-    if penalty is not None:
+    if penalty is not None and groups is not None:
         penalty.force[:, lo:hi] = 0
         penalty.blocks[:, lo:hi] = 0
-        free, thickness, rate = contacts.free, contacts.thickness, 1.0 / b
-        k, f, a = penalty.least, penalty.force, penalty.blocks
-        press_capsules(lo, hi, contacts.capsules, free, thickness, k, mass, rate, m, s, f, a)
-        press_planes(lo, hi, contacts.planes, free, thickness, k, mass, rate, m, s, f, a)
-        press_boxes(lo, hi, contacts.boxes, free, thickness, k, mass, rate, m, s, f, a)
+        for shapes in literal_unroll(groups):
+            press_group(
+                lo, hi, shapes, problem.contacts.free, substep, penalty.least, 1.0 / b,
+                problem.bones, problem.state, problem.work, problem.inertia, penalty.force, penalty.blocks,
+            )  # fmt: skip
 
 
 @driver
-def place_colliders(capsules, m):
-    """Bring the capsules to where `m` has the bones; planes and boxes follow it by themselves."""
-    if capsules is not None:
-        place_capsules(capsules.bones, capsules.starts, capsules.ends, m.positions, m.matrices, capsules.placed)
+def look_around(lo, hi, groups, m, s, step):
+    """Let those colliders sleep that the vertices lo to hi can't touch in the first step of a frame, of `step` [s]."""
+    if groups is not None:
+        for shapes in literal_unroll(groups):
+            _look_around(lo, hi, shapes, m, s, step)
 
 
 @driver
-def look_around(lo, hi, capsules, thickness, m, s, horizon):
-    """List the capsules that the vertices lo to hi may meet within `horizon` seconds."""
-    if capsules is not None:
-        place_colliders(capsules, m)
-        find_near(
-            lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, capsules.placed, capsules.radius, thickness,
-            capsules.bones, m.positions, m.velocity, m.spin, horizon, SLACK, capsules.near,
-        )  # fmt: skip
+def _look_around(lo, hi, shapes, m, s, step):
+    shapes.clock[MOMENT] += 1
+    first, last = tiles(lo, hi)
+    for tile in range(first, last):
+        start, end = tile * TILE, min(tile * TILE + TILE, hi)
+        mid = (start + end) // 2
+        far, fast = spread(s, start, end)
+        for k in range(1, shapes.active[0] + 1):
+            c = shapes.active[k]
+            place(shapes, c, m.positions, m.matrices)
+            speed = approach(s, mid, far, fast, shapes.colliders[c].bone, m)
+            _, gap = look(shapes, c, s, start, end, shapes.colliders[c].thickness)
+            shapes.wake[tile, k - 1] = nap(gap, speed, step) - 1

@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.kernels.shapes import Faces, Shapes
+
 Array = NDArray[np.floating]
 Indices = NDArray[np.int64]
 
@@ -101,6 +103,13 @@ class MeshAir(NamedTuple):
     forces: Array
 
 
+class Skin(NamedTuple):
+    """Uniform wind [m/s] (3,), and the force per speed against it of air that sticks to each vertex [N s/m] (N,)."""
+
+    wind: Array
+    drag: Array
+
+
 class ForceModel(NamedTuple):
     """What acts between the vertices, in the solver's precision; what a scene lacks is None.
 
@@ -113,6 +122,7 @@ class ForceModel(NamedTuple):
     mesh: MeshSprings | None
     mesh_bends: MeshBends | None
     mesh_air: MeshAir | None
+    skin: Skin | None
     damping: float | None
     bend_damping: float | None
 
@@ -198,53 +208,25 @@ class MotionRoom(NamedTuple):
 
 
 class Attached(NamedTuple):
-    """Vertices (n,) held at points [m] (n, 3) of their bones (n,)."""
+    """Vertices (n,) held at points [m] (n, 3) of their bones (n,).
+
+    `lift` [m] is how far they are held off there at a frame's start, out of colliders or where a jump of the bones has
+    left them, and `drift` [m/s] how that changes in it, both (n, 3) and in the bones' frames.
+    """
 
     vertices: Indices
     bones: Indices
     points: Array
-
-
-class Capsules(NamedTuple):
-    """Capsules by bone (C,), ends in the bone's frame [m] (C, 3), radius [m] and friction (C,); room for where
-    they are in the world (C, 8), for those near each block of vertices (blocks, C + 1) and for a block (BLOCK,)."""
-
-    bones: Indices
-    starts: Array
-    ends: Array
-    radius: Array
-    friction: Array | None
-    placed: Array
-    near: Indices
-    touched: Indices
-
-
-class Planes(NamedTuple):
-    """Planes by bone (P,), points [m] and unit normals in the bone's frame (P, 3), friction (P,)."""
-
-    bones: Indices
-    points: Array
-    normals: Array
-    friction: Array | None
-
-
-class Boxes(NamedTuple):
-    """Boxes by bone (K,), centres in the bone's frame [m] (K, 3), half sizes [m] (K, 3), box_to_bone (K, 3, 3),
-    friction (K,), and room for a box_to_world (3, 3)."""
-
-    bones: Indices
-    centers: Array
-    halves: Array
-    frames: Array
-    friction: Array | None
-    room: Array
+    lift: Array
+    drift: Array
 
 
 class Contacts(NamedTuple):
-    """What the cloth can't enter, at a distance of `thickness` [m]; `free` (N,) is False for attached vertices."""
+    """What the cloth can't enter, by kind, and which vertices (N,) are `free`: False for attached ones.
+
+    `faces` is what could poke through between vertices, None where nothing could or another thread looks after it.
+    """
 
     free: NDArray[np.bool_]
-    thickness: float
-    capsules: Capsules | None
-    planes: Planes | None
-    boxes: Boxes | None
+    groups: tuple[Shapes, ...] | None
+    faces: tuple[Faces, ...] | None

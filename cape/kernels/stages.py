@@ -6,7 +6,7 @@ and vt, `start` (6, N) the positions and velocities that a step began with.
 
 import math
 
-from cape.kernels.bones import fill_matrix, to_world
+from cape.kernels.bones import fill_matrix
 from cape.kernels.jit import driver, kernel
 
 
@@ -81,8 +81,10 @@ def begin_euler(h, x, y, z, vx, vy, vz, target):
 
 
 @driver
-def place_at(time, position0, rotation0, velocity, spin, positions, matrices):
-    """Fill the bones' `positions` and `matrices`, bone_to_world, `time` [s] after the frame's start."""
+def place_at(time, motion, m):
+    """Put the bones where they are `time` [s] after the frame's start."""
+    position0, rotation0 = motion.position0, motion.rotation0
+    velocity, spin, positions, matrices = m.velocity, m.spin, m.positions, m.matrices
     for bone in range(position0.shape[0]):
         for k in range(3):
             positions[bone, k] = position0[bone, k] + time * velocity[bone, k]
@@ -98,26 +100,6 @@ def place_at(time, position0, rotation0, velocity, spin, positions, matrices):
             w * z0 + x * y0 - y * x0 + z * w0,
             matrices[bone],
         )
-
-
-@driver
-def hold_rigidly(lo, hi, attached, m, b, s, target):
-    """Put the attached ones of vertices lo to hi where their bones are, with xt so that v is that of their bones."""
-    if attached is not None:
-        for k in range(attached.vertices.size):
-            i, bone = attached.vertices[k], attached.bones[k]
-            if i < lo or i >= hi:
-                continue
-            point = attached.points[k]
-            x, y, z = to_world(bone, point[0], point[1], point[2], m.positions, m.matrices)
-            lx, ly, lz = x - m.positions[bone, 0], y - m.positions[bone, 1], z - m.positions[bone, 2]
-            spin, velocity = m.spin[bone], m.velocity[bone]
-            vx = velocity[0] + spin[1] * lz - spin[2] * ly
-            vy = velocity[1] + spin[2] * lx - spin[0] * lz
-            vz = velocity[2] + spin[0] * ly - spin[1] * lx
-            s.x[i], s.y[i], s.z[i] = x, y, z
-            s.vx[i], s.vy[i], s.vz[i] = vx, vy, vz
-            target[0, i], target[1, i], target[2, i] = x - b * vx, y - b * vy, z - b * vz
 
 
 @kernel

@@ -16,9 +16,9 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from cape.kernels.contact import BLOCK
 from cape.kernels.jit import driver, inlined
 
+BLOCK = 64  # vertices that a rank has one or several of, whole vectors and whole tiles of contact
 LINE = 16  # words between two ranks' counts: 128 bytes, the pair of cache lines that a core fetches together
 GONE = 2**62  # count of a rank that is done, or never came: nobody waits for it
 SPINS = 200  # looks at a count, some 7 us, before the core is offered to other threads; more only helps where none wait
@@ -42,6 +42,14 @@ def share(lo, hi, team):
     if team is None:
         return lo, hi
     return lo + team.rank * (hi - lo) // team.size, lo + (team.rank + 1) * (hi - lo) // team.size
+
+
+@inlined
+def is_first(team):
+    """Tell whether this is the thread that does what only one may do."""
+    if team is None:
+        return True
+    return team.rank == 0
 
 
 @driver

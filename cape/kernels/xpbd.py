@@ -5,9 +5,10 @@ used once to advance the positions.
 """
 
 from cape.kernels.absent import typed
-from cape.kernels.bones import move_bones, start_motion, to_world
+from cape.kernels.attachments import aim
+from cape.kernels.bones import move_bones
 from cape.kernels.forces import compute_forces
-from cape.kernels.frame import collide
+from cape.kernels.frame import begin_frame, keep_out
 from cape.kernels.jit import driver, kernel
 from cape.kernels.team import meet, span
 from cape.kernels.xpbd_grid import prepare_grid, solve_grid
@@ -56,42 +57,22 @@ def blow_all(lo, hi, s, model, forces, room, inverse_mass, step, team):
 
 
 @driver
-def aim(lo, hi, s, attached, m, step):
-    """Give the attached ones of vertices lo to hi the velocity that brings them to their bones' points in one step."""
-    if attached is not None:
-        for k in range(attached.vertices.size):
-            i = attached.vertices[k]
-            if i < lo or i >= hi:
-                continue
-            px, py, pz = to_world(
-                attached.bones[k], attached.points[k, 0], attached.points[k, 1], attached.points[k, 2],
-                m.positions, m.matrices,
-            )  # fmt: skip
-            s.vx[i] = (px - s.x[i]) / step
-            s.vy[i] = (py - s.y[i]) / step
-            s.vz[i] = (pz - s.z[i]) / step
-
-
-@driver
 def xpbd_frame(
     s, grid, mesh, damping, bend_damping, model, inertia, forces, room, motion, m, attached,
-    free, thickness, capsules, planes, boxes, iterations, substeps, duration, team,
+    contacts, iterations, substeps, duration, team,
 ):  # fmt: skip
     """Advance the state `s` by `duration` [s] in `substeps` steps of `iterations` sweeps over all constraints.
 
-    `model` has the air alone, `forces` (3, N) is shared room of zeros, `room` the forces' scratch and `m` a MotionRoom
-    of this thread. `grid` or `mesh`, `damping`, `bend_damping`, `model`, `attached`, `capsules`, `planes`, `boxes` and
-    `team` are None where there are none, and then pruned.
+    `model` has the air alone, `forces` (3, N) is shared room of zeros; `room`, the forces' scratch, `m`, a MotionRoom,
+    and `contacts` are this thread's. `grid` or `mesh`, `damping`, `bend_damping`, `model`, `attached`, `team` and the
+    parts of `contacts` are None where there are none, and then pruned.
     """
     lo, hi = span(s.x.size, team)
     step = duration / substeps
     h = typed(step, s.x)
     tau, bend_tau = typed(damping, s.x), typed(bend_damping, s.x)
     gravity = inertia.gravity
-    start_motion(
-        motion.position0, motion.rotation0, motion.position1, motion.rotation1, duration, substeps,
-        m.matrices, m.turns, m.velocity, m.spin,
-    )  # fmt: skip
+    begin_frame(lo, hi, s, attached, contacts.groups, contacts.faces, motion, m, duration, substeps, team)
     prepare_grid(grid, s.x.size, h, tau, bend_tau, team)
     prepare_mesh(mesh, h, tau, bend_tau, team)
     for substep in range(substeps):
@@ -100,12 +81,15 @@ def xpbd_frame(
             typed(step * gravity[0], s.x), typed(step * gravity[1], s.x), typed(step * gravity[2], s.x),
             s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
         )  # fmt: skip
-        move_bones(motion.position0, m.velocity, m.turns, (substep + 1) * step, m.positions, m.matrices)
-        aim(lo, hi, s, attached, m, step)
+        move_bones(motion, m, (substep + 1) * step)
+        aim(lo, hi, s, attached, m, (substep + 1) * step, step)
         meet(team)
         solve_grid(s, grid, iterations, h, tau, bend_tau, team)
         solve_mesh(s, mesh, inertia.inverse_mass, iterations, h, tau, bend_tau, team)
         meet(team)
         drift(h, s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi])
-        collide(lo, hi, s, free, thickness, capsules, planes, boxes, m, substep, step)
+        keep_out(
+            lo, hi, s, inertia.inverse_mass, None, contacts.free, contacts.groups, contacts.faces, m, 1.0, substep,
+            step, team,
+        )  # fmt: skip
         meet(team)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
+from cape.colliders import Collider
+from cape.record.solids import labelled, plane_paths
 from cape.record.stage import BACKGROUND
 from cape.record.textures import albedo, plain
 
@@ -17,13 +19,16 @@ Overrides = dict[Any, Any]
 # In the frame of /world/character: X ahead, Y to the left, Z up, the pelvis at the origin; in heights of the skeleton.
 EYE = (-1.27, -0.78, 0.31)
 EYE_TARGET = (0.0, 0.0, 0.0)
+SEE_THROUGH = 110  # opacity of 255 of a cape that hides contacts
 LINING_COLOR = (58, 66, 104)
 BODY_COLOR = (172, 170, 168)
 BODY_LINE_COLOR = (120, 119, 118)  # darker, as lines are not lit
 
 
-def layout(layers: Collection[str], height: float) -> rrb.Blueprint:
-    """A view that follows the figure from behind, a second one with the hitboxes a tab away, the curves below.
+def layout(
+    layers: Collection[str], height: float, colliders: Sequence[Collider] = (), *, tab: str = "cape"
+) -> rrb.Blueprint:
+    """A view that follows the figure from behind, a second one for debugging contact a tab away, the curves below.
 
     The views' origin is /world/character, so that the eye keeps its place beside the figure, and can still be turned
     about it by hand.
@@ -31,10 +36,12 @@ def layout(layers: Collection[str], height: float) -> rrb.Blueprint:
     Args:
         layers: what is in the recording.
         height: of the skeleton [m], which the views are to hold.
+        colliders: that are in the layer of hitboxes.
+        tab: "cape" or "hitboxes", which of the two is in front.
     """
     import rerun.blueprint as rrb
 
-    scene = _scene(layers, height)
+    scene = _scene(layers, height, colliders, tab)
     time = rrb.TimePanel(timeline="time", state="collapsed", play_state="playing", loop_mode="all")
     if "plots" not in layers:
         return rrb.Blueprint(scene, time, collapse_panels=True)
@@ -51,28 +58,29 @@ def layout(layers: Collection[str], height: float) -> rrb.Blueprint:
     return rrb.Blueprint(rrb.Vertical(scene, curves, row_shares=[4, 1]), time, collapse_panels=True)
 
 
-def _scene(layers: Collection[str], height: float) -> rrb.View | rrb.Container:
-    import rerun as rr
+def _scene(layers: Collection[str], height: float, colliders: Sequence[Collider], tab: str) -> rrb.View | rrb.Container:
     import rerun.blueprint as rrb
 
-    labelled = {"/world/hitboxes": [rr.Capsules3D.from_fields(show_labels=True).visualizer()]}
+    debugging = [layer for layer in ("hitboxes", "shells", "contacts") if layer in layers]
     if "cape" not in layers:
-        return _view("hitboxes" if "hitboxes" in layers else "scene", height, overrides=labelled)
-    if "hitboxes" not in layers:
+        return _view("hitboxes" if debugging else "scene", height, overrides=labelled(colliders))
+    if not debugging:
         return _view("cape", height, overrides=_two_sided())
+    hidden = ["/world/shells", "/world/contacts", *plane_paths(colliders)]
     return rrb.Tabs(
-        _view("cape", height, overrides=_two_sided() | _mannequin()),
-        _view("hitboxes", height, overrides=labelled | _two_sided()),
-        active_tab="cape",
+        _view("cape", height, overrides=_two_sided() | _mannequin(), hidden=hidden),
+        _view("hitboxes", height, overrides=labelled(colliders) | _two_sided(SEE_THROUGH)),
+        active_tab=tab,
     )
 
 
-def _two_sided() -> Overrides:
+def _two_sided(opacity: int = 255) -> Overrides:
     """Draw one mesh twice, its back with the lining: a second mesh for the lining would double the file."""
     import rerun as rr
 
-    outside = rr.Mesh3D.from_fields(face_rendering="Front")
-    lining = rr.Mesh3D.from_fields(face_rendering="Back", **albedo(plain(LINING_COLOR)))
+    tint: dict[str, Any] = {} if opacity == 255 else {"albedo_factor": (255, 255, 255, opacity)}
+    outside = rr.Mesh3D.from_fields(face_rendering="Front", **tint)
+    lining = rr.Mesh3D.from_fields(face_rendering="Back", **tint, **albedo(plain(LINING_COLOR)))
     return {"/world/cape": [outside.visualizer(), lining.visualizer()]}
 
 
@@ -86,12 +94,12 @@ def _mannequin() -> Overrides:
     return {"/world/hitboxes": [body.visualizer()], "/world/skeleton": [rest.visualizer()]}
 
 
-def _view(name: str, height: float, *, overrides: Overrides) -> rrb.View:
+def _view(name: str, height: float, *, overrides: Overrides, hidden: Sequence[str] = ()) -> rrb.View:
     import rerun.blueprint as rrb
 
     return rrb.Spatial3DView(
         origin="/world/character",
-        contents="/world/**",
+        contents=["+ /world/**", *(f"- {path}/**" for path in hidden)],
         name=name,
         overrides=overrides,
         background=BACKGROUND,

@@ -42,6 +42,7 @@ class Frames:
         columns: Mapping[str, NDArray[Any]],
         *,
         block: slice = slice(None),
+        counts: NDArray[np.int64] | None = None,
     ) -> None:
         """Send components of an entity, a row for each frame.
 
@@ -51,18 +52,18 @@ class Frames:
             archetype: the class of the archetype that the components belong to.
             columns: the components by name, shape (f, n, ...) each, with n instances in each of the f frames.
             block: which of the frames the f rows are.
+            counts: of instances where frames differ in that, shape (f,); the columns are then of shape (sum, ...).
         """
         import rerun as rr
 
         numbers = self.numbers[block]
         nanoseconds = np.rint(self.times[block] * 1e9).astype("timedelta64[ns]")
         indexes = [rr.TimeColumn("frame", sequence=numbers), rr.TimeColumn("time", duration=nanoseconds)]
-        flat = {name: values.reshape(-1, *values.shape[2:]) for name, values in columns.items()}
-        batches = [
-            column
-            for name, values in columns.items()
-            for column in archetype.columns(**{name: flat[name]}).partition([values.shape[1]] * len(values))
-        ]
+        batches = []
+        for name, values in columns.items():
+            flat = values if counts is not None else values.reshape(-1, *values.shape[2:])
+            lengths = [values.shape[1]] * len(values) if counts is None else counts
+            batches += archetype.columns(**{name: flat}).partition(lengths)
         # Strict: columns of different lengths would otherwise be dropped with a warning.
         stream.send_columns(path, indexes, batches, strict=True)
 

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.record.frames import Frames
-from motions import quaternions
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
@@ -30,20 +29,6 @@ def bone_poses(bones: BoneTrack, names: Sequence[str | None], frames: Frames) ->
             positions[:, place] = bones.positions[frames.numbers, bone]
             rotations[:, place] = bones.rotations_wxyz[frames.numbers, bone]
     return positions, rotations
-
-
-def from_z_axis(directions: FloatArray) -> FloatArray:
-    """Unit quaternions of the shortest rotations that take +Z to the directions, shape (..., 3) to (..., 4).
-
-    A zero direction gives the identity; for -Z, where any horizontal axis will do, it is X.
-    """
-    x, y, z = np.moveaxis(directions, -1, 0)
-    horizontal = np.hypot(x, y)
-    angles = np.arctan2(horizontal, z)
-    axes = np.stack([-y, x, np.zeros_like(x)], axis=-1)
-    safe = np.where(horizontal > 0, horizontal, 1.0)[..., None]
-    axes = np.where(horizontal[..., None] > 0, axes / safe, np.array([1.0, 0.0, 0.0]))
-    return quaternions.from_rotation_vector(axes * angles[..., None])
 
 
 def xyzw(wxyz: FloatArray) -> NDArray[np.float32]:

@@ -12,7 +12,6 @@ from cape.colliders import Collider, Plane
 from cape.ground import floor_under
 from cape.record.frames import Frames, send_once
 from cape.record.layers import drawn_links
-from cape.record.poses import from_z_axis
 from motions import quaternions
 from skeleton.track import BoneTrack
 
@@ -103,7 +102,7 @@ def ground(positions: FloatArray, plane: Plane) -> tuple[NDArray[np.float32], ND
     Returns:
         Vertices of the tiles in the world [m], shape (4 N, 3), triangles, shape (2 N, 3), and colours, shape (4 N, 3).
     """
-    plane_to_world = from_z_axis(plane.normal)
+    plane_to_world = quaternions.from_z_axis(plane.normal)
     flat = quaternions.rotate(quaternions.conjugate(plane_to_world), positions.reshape(-1, 3) - plane.point)[:, :2]
     low, high = flat.min(axis=0), flat.max(axis=0)
     tile = TILE * max(1, np.ceil((high - low).max() / (TILE * MOST_TILES)))

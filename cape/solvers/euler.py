@@ -92,7 +92,7 @@ class SymplecticEuler(Solver):
         own = assembly.ranks[rank]
         return (
             state, room.model, room.inertia, room.forces, room.scratch[rank], motion, own.room,
-            assembly.attached, *own.contacts,
+            assembly.attached, own.contacts,
         )  # fmt: skip
 
 

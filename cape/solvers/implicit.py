@@ -114,8 +114,8 @@ class ImplicitSolver(Solver):
     vertex's own 3x3 block as preconditioner.
 
     Attributes:
-        tolerance: a stage is solved when no vertex is corrected by more than this [m]; what is left is far less, as
-            Newton's method converges faster than linearly.
+        tolerance: a stage is solved when no vertex is corrected by more than this [m], nor one that is pressed onto a
+            collider by more than 1e-4 m/s; what is left is far less, as Newton's method converges faster than linearly.
         iterations: Newton steps at most in a stage.
         forcing: residual of a linear system, relative to its right hand side, at which it is solved well enough.
         linear_iterations: of the conjugate gradients, at most in a Newton step.

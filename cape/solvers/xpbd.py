@@ -100,7 +100,7 @@ class XPBD(Solver):
         own = assembly.ranks[rank]
         return (
             state, room.grid, room.mesh, room.damping, room.bend_damping, room.air, room.inertia, room.forces,
-            room.scratch[rank], motion, own.room, assembly.attached, *own.contacts, self.iterations,
+            room.scratch[rank], motion, own.room, assembly.attached, own.contacts, self.iterations,
         )  # fmt: skip
 
     def _grid(self, assembly: Assembly, cloth: GridCloth, dtype: type[np.floating]) -> GridConstraints:

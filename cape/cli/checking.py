@@ -1,0 +1,42 @@
+"""How deep a take is in its colliders, measured apart from the solver: the rows of `cape replay --check`."""
+
+from typing import Any
+
+import numpy as np
+
+from cape.penetration import Deepest, penetration
+from cape.take import Take
+
+
+def checked(take: Take) -> dict[str, dict[str, Any]]:
+    """The deepest vertex and the deepest point of any face [mm], in what and at which frame, of what no bone holds."""
+    counted = np.ones(take.positions.shape[1], dtype=bool)
+    counted[take.held] = False
+    found = penetration(take, counted=counted)
+    return {
+        "vertices": _facts(take, found.vertices, "vertex"),
+        "faces": _facts(take, found.faces, "triangle"),
+    }
+
+
+def check_rows(facts: dict[str, dict[str, Any]]) -> list[tuple[str, str]]:
+    """Labelled texts for the terminal."""
+    rows = []
+    for kind, fact in facts.items():
+        text = f"{fact['depth_mm']:.1f} mm"
+        if fact["collider"] is not None:
+            where = "triangle" if "triangle" in fact else "vertex"
+            text += f" in {fact['collider']} at frame {fact['frame']}, {where} {fact[where]}"
+        rows.append((f"check of {kind}", text))
+    return rows
+
+
+def _facts(take: Take, found: Deepest, what: str) -> dict[str, Any]:
+    frame = int(found.depth.argmax())
+    inside = int(found.collider[frame]) >= 0
+    return {
+        "depth_mm": round(1000.0 * float(found.depth[frame]), 3),
+        "collider": take.colliders[int(found.collider[frame])].name if inside else None,
+        "frame": frame if inside else None,
+        what: int(found.index[frame]) if inside else None,
+    }

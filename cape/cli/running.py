@@ -1,0 +1,54 @@
+"""A simulation as a command runs it: with a bar on a terminal, and warnings as they come."""
+
+import sys
+import warnings
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from cape.cuts import Cuts
+from cape.scene import Scene
+from cape.simulate import SlowWarning, simulate
+from cape.simulation import DEFAULT_CUTS, Diverged
+from cape.solvers import Solver
+from cape.take import Take
+from motions import Clip
+from motions.errors import ValueRangeError
+from skeleton import BoneTrack
+
+
+def simulated(
+    scene: Scene, track: BoneTrack, clip: Clip, *, solver: Solver | None = None, cuts: Cuts | None = DEFAULT_CUTS
+) -> Take:
+    """Simulate, telling on standard error what was decided about the clip and how far it has got.
+
+    Raises:
+        ValueRangeError: the cape can't be put on.
+    """
+    console = Console(stderr=True)
+    for decision in clip.decisions:
+        console.print(f"{clip.name}: {decision}", style="dim", highlight=False, soft_wrap=True)
+    with _told(console), _progress(console) as advance:
+        try:
+            return simulate(scene, track, solver=solver, cuts=cuts, name=clip.name, progress=advance)
+        except Diverged as error:
+            raise ValueRangeError(f"the cape can't be put on: {error}") from error
+
+
+@contextmanager
+def _told(console: Console):
+    """Print warnings as they come, a line each."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", SlowWarning)
+        warnings.showwarning = lambda message, *_, **__: console.print(str(message), highlight=False, soft_wrap=True)
+        yield
+
+
+@contextmanager
+def _progress(console: Console):
+    """Show a bar with an estimate of the time left, on a terminal only."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty()) as progress:
+        task = progress.add_task("putting the cape on", total=None)
+        yield lambda done, of: progress.update(task, completed=done, total=of, description="simulating")

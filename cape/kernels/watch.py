@@ -1,0 +1,150 @@
+"""When cloth may meet colliders: which to look at in a frame, and for how long they need not be looked at again.
+
+Vertices are watched in tiles of consecutive ones. A tile that is `gap` from a collider cannot reach it before
+gap / speed seconds have passed, at the speed at which it and the collider's surface move against each other now and
+what that may gain (`GAIN`, `RISE`): for so long the pair sleeps. Which colliders a frame has at all is found from the
+cloth's bounding sphere.
+"""
+
+import math
+
+import numpy as np
+
+from cape.kernels.bones import velocity_at
+from cape.kernels.jit import driver, inlined
+from cape.kernels.shapes import DUE, MOMENT, distance_to, place, signed_distance
+
+TILE = 16  # vertices: smaller tiles meet fewer colliders, larger ones cost fewer calls
+GAIN = 4.0  # m/s that the speed between a tile and a collider may grow by while the pair sleeps,
+RISE = 2e3  # m/s2 and how fast it may do so
+LONGEST = 2**20  # steps that a pair may sleep
+FAR = 1.0  # m beyond which no distance is measured
+GRAIN = 1e-6  # m to which one is
+NEVER = -2  # turn
+STALE = 0.002  # s after which a tile's spread is looked at again
+
+
+@inlined
+def tiles(lo, hi):
+    """First tile of the vertices lo to hi, lo a multiple of `TILE`, and the one after their last."""
+    return lo // TILE, (hi + TILE - 1) // TILE
+
+
+@inlined
+def spread(s, lo, hi):
+    """Largest distance [m] and difference in velocity [m/s] of the vertices lo to hi from the middle one of them."""
+    mid = (lo + hi) // 2
+    far = fast = 0.0
+    for i in range(lo, hi):
+        x, y, z = float(s.x[i]) - s.x[mid], float(s.y[i]) - s.y[mid], float(s.z[i]) - s.z[mid]
+        u, v, w = float(s.vx[i]) - s.vx[mid], float(s.vy[i]) - s.vy[mid], float(s.vz[i]) - s.vz[mid]
+        far = max(far, x * x + y * y + z * z)
+        fast = max(fast, u * u + v * v + w * w)
+    return math.sqrt(far), math.sqrt(fast)
+
+
+@inlined
+def approach(s, mid, far, fast, bone, m):
+    """Bound of the speed [m/s] at which vertices around the one in their middle move against the surface of a bone.
+
+    `far` [m] and `fast` [m/s] are their `spread`.
+    """
+    sx, sy, sz = velocity_at(bone, s.x[mid], s.y[mid], s.z[mid], m)
+    sx, sy, sz = s.vx[mid] - sx, s.vy[mid] - sy, s.vz[mid] - sz
+    turn = abs(m.spin[bone, 0]) + abs(m.spin[bone, 1]) + abs(m.spin[bone, 2])
+    return math.sqrt(sx * sx + sy * sy + sz * sz) + fast + turn * far
+
+
+@driver
+def begin(lo, hi, s, shapes, m, duration):
+    """Note which colliders the cloth may meet within a frame of `duration` [s], at whose start the bones are.
+
+    Reads all vertices: no thread may move its own before all have come here.
+    """
+    far, fast = spread(s, 0, s.x.size)
+    mid = s.x.size // 2
+    shapes.clock[MOMENT] += 1
+    count = 0
+    for c in range(shapes.colliders.size):
+        place(shapes, c, m.positions, m.matrices)
+        distance, _, _, _ = distance_to(shapes, c, s.x[mid], s.y[mid], s.z[mid])
+        speed = approach(s, mid, far, fast, shapes.colliders[c].bone, m) + GAIN
+        if distance - shapes.colliders[c].thickness - far < speed * duration:
+            count += 1
+            shapes.active[count] = c
+    shapes.active[0] = count
+    first, end = tiles(lo, hi)
+    shapes.clock[DUE] = 0
+    shapes.next[first:end] = 0
+    shapes.wake[first:end] = 0
+    shapes.spreads[first:end, 2] = 0
+    shapes.alarm[first:end] = NEVER
+    shapes.alarm[-1] = NEVER
+
+
+@inlined
+def look(shapes, c, s, start, end, thickness):
+    """Tell how many vertices start to end are within `thickness` [m] of collider c, and how far the nearest is beyond.
+
+    `shapes.gaps` are set to how far each is beyond [m]. The least of them is rounded down to a `GRAIN`: vector units
+    find the least of integers at once, of floats one after the other.
+    """
+    r, sizes, gaps = shapes.colliders[c].placed, shapes.colliders[c].sizes, shapes.gaps
+    x, y, z = s.x[start:end], s.y[start:end], s.z[start:end]
+    ax, ay, az, bx, by, bz, cx, cy, cz = r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]
+    ox, oy, oz = r[9], r[10], r[11]
+    e, f, g, h = sizes[0], sizes[1], sizes[2], sizes[3]
+    inside, least = 0, np.int32(FAR / GRAIN)
+    for i in range(end - start):
+        px, py, pz = x[i] - ox, y[i] - oy, z[i] - oz
+        px, py, pz = ax * px + bx * py + cx * pz, ay * px + by * py + cy * pz, az * px + bz * py + cz * pz
+        distance, _, _, _ = signed_distance(shapes, px, py, pz, e, f, g, h)
+        gap = distance - thickness
+        gaps[i] = gap
+        inside += 1 if gap < 0.0 else 0
+        least = min(least, np.int32(max(min(gap, FAR), -FAR) / GRAIN))
+    return inside, GRAIN * least
+
+
+@inlined
+def nap(gap, speed, step):
+    """How many steps of `step` [s] it takes what is `gap` [m] away to come, if its `speed` [m/s] is what it is now."""
+    if gap <= 0.0:
+        return 1
+    speeding_up = (math.sqrt(speed * speed + 2.0 * RISE * gap) - speed) / RISE
+    return 1 + int(min(max(speeding_up, gap / (speed + GAIN)) / step, LONGEST))
+
+
+@inlined
+def is_due(shapes, turn):
+    """Tell whether any tile must be looked at."""
+    return shapes.clock[DUE] <= turn or were_alarmed(shapes, turn)
+
+
+@inlined
+def were_alarmed(shapes, turn):
+    """Tell whether any tile was hit hard just now."""
+    return shapes.alarm[-1] >= turn - 1
+
+
+@inlined
+def is_alarmed(shapes, tile, turn):
+    """Tell whether a tile was hit hard just now, by whatever kind of collider: it may be anywhere soon."""
+    return shapes.alarm[tile] >= turn - 1
+
+
+@inlined
+def alarm(shapes, tile, turn):
+    """Note that a tile was hit hard."""
+    shapes.alarm[tile] = shapes.alarm[-1] = turn
+    shapes.spreads[tile, 2] = 0
+
+
+@inlined
+def spread_of(shapes, tile, s, start, end, turn, step):
+    """The `spread` of a tile, looked at again after `STALE` seconds."""
+    note = shapes.spreads[tile]
+    if note[2] <= turn:
+        note[0], note[1] = spread(s, start, end)
+        note[2] = turn + max(int(STALE / step), 1)
+    return note[0], note[1]

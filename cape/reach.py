@@ -1,0 +1,262 @@
+"""Which colliders a cloth can reach at all in a motion: the others are left out before the first step.
+
+A vertex gets no farther from where a bone holds the cloth than the cloth between the two is long (which Kim, Chentanez
+and Müller-Fischer 2012, "Long Range Attachments", hold it back by). So all that the vertices nearest to a held one can
+reach lies in a ball around it, and a collider that no ball comes near in any frame never meets the cloth.
+"""
+
+import heapq
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape import wear
+from cape.assemble import assemble
+from cape.cloth import Cloth
+from cape.cuts import Cuts, rigid_motion
+from cape.poses import Pose, read_pose
+from cape.scene import Scene
+from cape.solids import signed_distance
+from cape.springs import springs_of
+from motions import quaternions
+from skeleton.track import BoneTrack
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+STRETCH = 0.15  # by which the way along a cloth in use may be longer than that along its pattern
+MOST_PLACES = 16  # on a bone at which a cloth is taken to be held; more vertices are lumped together
+PUT_ON_SAMPLES = 17  # of the way of what is held, from where it starts to where it is worn
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """What a cloth can reach in a motion.
+
+    Attributes:
+        radius: of the largest ball around a held vertex [m]; 0 where all are held, infinite where some hang on nothing.
+        stretch: the strain that it allows for.
+        gaps: by how much each collider is out of reach at least [m], negative for one that is not, by name.
+        frames: in which frame each is nearest, by name.
+    """
+
+    radius: float
+    stretch: float
+    gaps: Mapping[str, float]
+    frames: Mapping[str, int]
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Why colliders are out of reach, by name."""
+        return {
+            name: f"at least {gap:.2f} m beyond the cloth's reach of {self.radius:.2f} m"
+            for name, gap in self.gaps.items()
+            if gap > 0.0
+        }
+
+    @property
+    def kept(self) -> dict[str, str]:
+        """Why colliders may be met, by name."""
+        if np.isinf(self.radius):
+            return dict.fromkeys(self.gaps, "nothing holds the cloth, which may get anywhere")
+        return {
+            name: f"within the cloth's reach of {self.radius:.2f} m, by {-gap:.2f} m at frame {self.frames[name]}"
+            for name, gap in self.gaps.items()
+            if gap <= 0.0
+        }
+
+    def cull(self, scene: Scene) -> Scene:
+        """Give a scene without the colliders that are out of reach."""
+        return replace(scene, colliders=tuple(c for c in scene.colliders if self.gaps[c.name] <= 0.0))
+
+
+def reach_of(scene: Scene, track: BoneTrack, *, stretch: float = STRETCH) -> Reach:
+    """Find which colliders a cloth can reach over a motion, also between its frames and while it is put on.
+
+    Args:
+        scene: cloth, attachments and colliders.
+        track: poses of at least the bones that the scene uses.
+        stretch: strain of the cloth to allow for.
+
+    Raises:
+        UnknownNameError: the scene uses a bone that the track has not.
+        ValueRangeError: the cape can't be put on, or an attachment holds nothing.
+    """
+    names = [c.name for c in scene.colliders]
+    held = _Held.of(scene, track, stretch)
+    if held is None:
+        return Reach(np.inf, stretch, dict.fromkeys(names, -np.inf), dict.fromkeys(names, 0))
+    clearances = [held.clearance(c) for c in range(len(names))]
+    # Bones hold a vertex that is in a collider at the collider's surface instead (`kernels.attachments`).
+    skins = [_thickness(scene, c) + held.spreads for c in range(len(names))]
+    inside = [np.maximum(skin - distances, 0.0) for skin, (distances, _) in zip(skins, clearances, strict=True)]
+    radii = held.radii + held.left_behind(track.times) + np.sum(inside, axis=0).max(axis=0, initial=0.0)
+    gaps, frames = {}, {}
+    for c, (name, (_, least)) in enumerate(zip(names, clearances, strict=True)):
+        beyond = (least - radii).min(axis=1) - _thickness(scene, c)
+        frames[name] = max(int(beyond.argmin()) - held.before, 0)
+        gaps[name] = float(beyond.min())
+    return Reach(float(radii.max(initial=0.0)), stretch, gaps, frames)
+
+
+def geodesic_distances(cloth: Cloth, sources: IntArray) -> tuple[FloatArray, IntArray]:
+    """Distance of each vertex from the nearest of the sources along the springs at rest, after Dijkstra (1959).
+
+    Args:
+        cloth: the cloth.
+        sources: vertices (n,).
+
+    Returns:
+        The distances [m], infinite where no spring leads, shape (V,), and the places of the nearest sources in
+        `sources`, -1 for none, shape (V,).
+    """
+    springs = springs_of(cloth)
+    neighbours: list[list[tuple[float, int]]] = [[] for _ in range(cloth.vertices)]
+    for i, j, length in zip(springs.first.tolist(), springs.second.tolist(), springs.rest.tolist(), strict=True):
+        neighbours[i].append((length, j))
+        neighbours[j].append((length, i))
+    distances, nearest = np.full(cloth.vertices, np.inf), np.full(cloth.vertices, -1)
+    heap = [(0.0, vertex, k) for k, vertex in enumerate(sources.tolist())]
+    while heap:
+        distance, vertex, source = heapq.heappop(heap)
+        if nearest[vertex] >= 0:
+            continue
+        distances[vertex], nearest[vertex] = distance, source
+        for length, other in neighbours[vertex]:
+            if nearest[other] < 0:
+                heapq.heappush(heap, (distance + length, other, source))
+    return distances, nearest
+
+
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """n places at which bones hold a cloth, over the S samples of the time it takes to be put on and to move.
+
+    Attributes:
+        scene: with C colliders.
+        positions: of its bones, and of the world as the last one, in the world [m], shape (S, B, 3).
+        rotations: bone_to_world, shape (S, B, 4).
+        bones: that hold, shape (n,).
+        points: where, in the bones' frames [m], shape (S, n, 3).
+        spreads: how far off the vertices are that such a place stands for [m], shape (n,).
+        radii: of the balls around them that the cloth lies in [m], shape (n,).
+        before: samples before the motion's first frame.
+    """
+
+    scene: Scene
+    positions: FloatArray
+    rotations: FloatArray
+    bones: IntArray
+    points: FloatArray
+    spreads: FloatArray
+    radii: FloatArray
+    before: int
+
+    @classmethod
+    def of(cls, scene: Scene, track: BoneTrack, stretch: float) -> "_Held | None":
+        """Find what is held where; None if a part of the cloth hangs on nothing."""
+        chosen = [track.index(bone) for bone in scene.bones]
+        poses = [
+            read_pose(Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]), scene.bones)
+            for f in range(track.frames)
+        ]
+        start = wear.placed(scene, poses[0])
+        held = [wear.held_by(scene, attachment, poses[0], start) for attachment in scene.attachments]
+        vertices = np.concatenate([*held, np.empty(0, np.int64)])
+        distances, nearest = geodesic_distances(scene.cloth, vertices)
+        if (nearest < 0).any():
+            return None
+        assembly = assemble(scene, held)
+        if assembly.attached is None:
+            return None
+        worn, spread = wear.hold_points(assembly, poses[0], held, start)
+        bones = assembly.attached.bones
+        poses = [poses[0]] * (PUT_ON_SAMPLES - 1) + poses
+        positions = np.stack([pose.positions for pose in poses])
+        rotations = np.stack([pose.rotations_wxyz for pose in poses])
+        farthest = (1.0 + stretch) * distances
+        # Wherever the cloth starts, and where its neckline is tried for being in a collider.
+        for at, places in ((spread, start), (worn, wear.places_worn(scene, poses[0], start))):
+            held_at = positions[0, bones] + quaternions.rotate(rotations[0, bones], at)
+            farthest = np.maximum(farthest, np.linalg.norm(places - held_at[nearest], axis=1))
+        radii = np.zeros(len(vertices))
+        np.maximum.at(radii, nearest, farthest)
+        chosen, place, off = _lumped(bones, np.concatenate([spread, worn], axis=1))
+        spreads, lumped_radii = np.zeros(len(chosen)), np.zeros(len(chosen))
+        np.maximum.at(spreads, place, off)
+        np.maximum.at(lumped_radii, place, radii + off)
+        spread, worn = spread[chosen], worn[chosen]
+        shares = np.linspace(0.0, 1.0, PUT_ON_SAMPLES)[:-1, None, None]
+        points = np.concatenate([spread + shares * (worn - spread), np.tile(worn, (track.frames, 1, 1))])
+        return cls(scene, positions, rotations, bones[chosen], points, spreads, lumped_radii, PUT_ON_SAMPLES - 1)
+
+    def left_behind(self, times: FloatArray) -> FloatArray:
+        """How far a cloth that jumps along with its bones as a whole is off where they hold it then [m], shape (n,).
+
+        `times` of the motion's frames [s], shape (F,).
+        """
+        off, cuts, holding = np.zeros(len(self.bones)), Cuts(), np.unique(self.bones)
+        places = self.positions[:, self.bones] + quaternions.rotate(self.rotations[:, self.bones], self.points)
+        for frame, step in enumerate(np.diff(times), start=self.before):
+            before, after = (Pose(self.positions[f], self.rotations[f]) for f in (frame, frame + 1))
+            if cuts.between(before, after, float(step), holding):
+                rotation, shift = rigid_motion(places[frame], places[frame + 1])
+                off += np.linalg.norm(places[frame] @ rotation.T + shift - places[frame + 1], axis=1)
+        return off
+
+    def clearance(self, c: int) -> tuple[FloatArray, FloatArray]:
+        """Distances [m] of what is held from collider c at the samples (S, n), and at least until the next (S - 1, n).
+
+        Between samples a bone's origin moves in a straight line and the bone turns at a constant rate. In the
+        collider's frame a held point p then leaves the straight line between its places q at both samples by at most
+        max |q''| / 8, where q = Rc^-1 (L + Rb p) and L is the way from the one bone's origin to the other's. Nowhere
+        on the line of length l is the distance less than (d0 + d1 - l) / 2, as it changes by no more than the way.
+        """
+        name = self.scene.colliders[c].bone
+        own = len(self.scene.bones) if name is None else self.scene.bones.index(name)
+        origins, turns = self.positions[:, self.bones], self.rotations[:, self.bones]
+        to_frame = quaternions.conjugate(self.rotations[:, own : own + 1])
+        apart = origins - self.positions[:, own : own + 1]
+        places = quaternions.rotate(to_frame, apart + quaternions.rotate(turns, self.points))
+        distances = signed_distance(self.scene.colliders[c], places.reshape(-1, 3)).reshape(places.shape[:2])
+
+        turned, own_turn = _angles(turns), _angles(self.rotations[:, own : own + 1])
+        length = np.linalg.norm(apart, axis=2)
+        bend = own_turn**2 * np.maximum(length[1:], length[:-1])
+        bend += 2.0 * own_turn * np.linalg.norm(np.diff(apart, axis=0), axis=2)
+        bend += (own_turn + turned) ** 2 * np.linalg.norm(self.points, axis=2).max(axis=0)
+        bend[:, self.bones == own] = 0.0
+        ways = np.linalg.norm(np.diff(places, axis=0), axis=2)
+        return distances, (distances[1:] + distances[:-1] - ways) / 2.0 - bend / 8.0
+
+
+def _lumped(bones: IntArray, points: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+    """Choose at most `MOST_PLACES` of each bone's points, each next one the farthest from those before.
+
+    `bones` (n,) hold the points, which are given by the coordinates of several places [m], shape (n, 3 k). Returns the
+    chosen ones (m,), and for each point which of them is nearest and how far it is off at most [m], shape (n,) each.
+    """
+    chosen: list[int] = []
+    nearest, off = np.zeros(len(bones), dtype=np.int64), np.full(len(bones), np.inf)
+    for bone in np.unique(bones):
+        own = np.flatnonzero(bones == bone)
+        for _ in range(min(MOST_PLACES, len(own))):
+            chosen.append(int(own[off[own].argmax()]))
+            away = points[own] - points[chosen[-1]]
+            distances = np.linalg.norm(away.reshape(len(own), -1, 3), axis=2).max(axis=1)
+            closer = distances < off[own]
+            nearest[own[closer]], off[own[closer]] = len(chosen) - 1, distances[closer]
+    return np.array(chosen, dtype=np.int64), nearest, off
+
+
+def _angles(rotations: FloatArray) -> FloatArray:
+    """Angles between successive rotations (S, ..., 4) [rad], shape (S - 1, ...)."""
+    turns = quaternions.multiply(rotations[1:], quaternions.conjugate(rotations[:-1]))
+    return np.linalg.norm(quaternions.to_rotation_vector(turns), axis=-1)
+
+
+def _thickness(scene: Scene, c: int) -> float:
+    own = scene.colliders[c].thickness
+    return scene.thickness if own is None else own
