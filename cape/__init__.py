@@ -9,6 +9,7 @@ from cape.dress import dress
 from cape.fabric import FABRICS, Fabric, fabric
 from cape.poses import Pose
 from cape.scene import Scene
+from cape.self_contact import SelfContact
 from cape.simulate import SlowWarning, simulate
 from cape.simulation import Diverged, Simulation
 from cape.solvers import SOLVERS, TRBDF2, XPBD, BackwardEuler, Solver, SymplecticEuler, solver
@@ -37,6 +38,7 @@ __all__ = [
     "Plane",
     "Pose",
     "Scene",
+    "SelfContact",
     "Simulation",
     "SlowWarning",
     "Solver",

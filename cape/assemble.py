@@ -1,6 +1,6 @@
 """From a scene to the arrays that kernels work on."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from cape.kernels.records import (
     MotionRoom,
     Skin,
 )
+from cape.kernels.self_contact import Layers
 from cape.scene import Scene
 from cape.springs import Springs, springs_of
 from motions.errors import ValueRangeError
@@ -69,6 +70,16 @@ class Assembly:
     def contacts(self) -> Contacts:
         """The colliders by kind."""
         return self.ranks[0].contacts
+
+    @property
+    def layers(self) -> Layers | None:
+        """What keeps the cloth off itself; None where nothing does."""
+        return self.contacts.layers
+
+    def with_layers(self, layers: Layers) -> "Assembly":
+        """The same with other notes on how the cloth touches itself."""
+        ranks = (replace(rank, contacts=rank.contacts._replace(layers=layers)) for rank in self.ranks)
+        return replace(self, ranks=tuple(ranks))
 
     def inwards(self, values: FloatArray) -> FloatArray:
         """Renumber rows that belong to the scene's vertices, shape (N, ...), as they are numbered here."""

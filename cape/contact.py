@@ -15,6 +15,7 @@ from cape.kernels.faces import CHUNK, GROUP
 from cape.kernels.records import Contacts
 from cape.kernels.shapes import COLLIDER, Faces, Shapes
 from cape.kernels.watch import TILE
+from cape.layers import layers_of
 from cape.scene import Scene
 from motions import quaternions
 from skeleton.capsules import Capsule
@@ -93,7 +94,9 @@ def contacts_of(scene: Scene, cloth: Cloth, free: NDArray[np.bool_]) -> tuple[Co
         orders.append(order)
         if (found := _faces(group, layouts, cloth)) is not None:
             faces.append(found)
-    return Contacts(free, tuple(groups) or None, tuple(faces) or None), tuple(orders)
+    layers = layers_of(scene, cloth, **shared)
+    pressure = None if layers is None else layers.pressure
+    return Contacts(free, tuple(groups) or None, tuple(faces) or None, layers, pressure), tuple(orders)
 
 
 def for_another_thread(contacts: Contacts) -> Contacts:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cape.attach import Attachment
 from cape.cloth import Cloth
 from cape.colliders import Collider
+from cape.self_contact import SelfContact
 from cape.wind import Wind
 from motions.errors import ValueRangeError
 
@@ -30,6 +31,7 @@ class Scene:
         friction: Coulomb coefficient of colliders that have none of their own.
         thickness: distance at which colliders stop the cloth [m]: half of the cloth's own thickness, and room for
             what lies between the vertices.
+        self_contact: how the cloth touches itself; None to let it pass through itself.
     """
 
     cloth: Cloth
@@ -39,6 +41,7 @@ class Scene:
     wind: Wind | None = None
     friction: float = 0.3
     thickness: float = 0.005
+    self_contact: SelfContact | None = None
 
     def __post_init__(self) -> None:
         """Check what can be checked without bones.

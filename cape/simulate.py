@@ -150,7 +150,9 @@ def _notes_on_steps(simulation: Simulation) -> list[str]:
     if simulation.retried:
         notes.append(f"{simulation.retried} frames needed a smaller step than estimated")
     if simulation.refined:
-        notes.append(f"{simulation.refined} frames converged in shorter steps only")
+        notes.append(
+            f"{simulation.refined} frames were taken in shorter steps: they would not converge, or parts whirled"
+        )
     if simulation.unconverged:
         notes.append(
             f"{simulation.unconverged} frames did not reach the solver's tolerance in shorter steps either: "

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cape import team, wear
+from cape import layers, team, wear
 from cape.assemble import Assembly, assemble
 from cape.cuts import Cuts, rigid_motion
 from cape.kernels.measure import whereabouts
@@ -32,6 +32,7 @@ FARTHEST_LEAP = 1e6  # m from the cloth's own origin; the same
 FARTHEST = 1.0  # m from the cloth's middle to the origin that its positions refer to
 RETRIES = 4  # each at half the step or less
 CONVERGENCE_RETRIES = 2  # after which a step that did not converge is kept, and counted
+WILD = 60.0  # m/s: faster than cloth gets on a body, and a sign that strained springs are too stiff for the step
 FORECAST_SUBSTEPS = 50
 DEFAULT_CUTS = Cuts()
 VERTICES_OF_A_THREAD = 1500  # at least
@@ -43,6 +44,13 @@ class Forecast(NamedTuple):
 
     substeps: int
     seconds: float
+
+
+class Moment(NamedTuple):
+    """The state at some time, and what was known then of how the cloth touches itself."""
+
+    state: tuple[NDArray[np.floating], ...]
+    layers: layers.Kept | None
 
 
 class Diverged(RuntimeError):
@@ -61,7 +69,7 @@ class Simulation:
         threads: how many share the cloth at most.
         substeps: steps of the last frame, as chosen first.
         retried: frames since the start that exploded and were done again in shorter steps.
-        refined: frames that converged in shorter steps only.
+        refined: frames that were taken in shorter steps, as the longer ones did not converge or made parts whirl.
         unconverged: frames that did not converge in shorter steps either.
         cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
         jumps: frames in which the bones have jumped.
@@ -233,6 +241,8 @@ class Simulation:
                 component[:] = values
             self._origin = self._origin + moved
             pose = pose.moved(-moved)
+            if self.assembly.layers is not None:
+                layers.turn(self.assembly.layers, rotation)
             # How the jump has changed the bones' places to each other is caught up with slowly.
             carried = before @ rotation.T + shift - moved
             attached.lift[:] = wear.in_bones(attached, pose, carried) - attached.points
@@ -240,16 +250,17 @@ class Simulation:
         self._sound()
         return pose
 
-    def _try(self, motion: Motion, dt: float, before: list[NDArray[np.floating]]) -> None:
-        """Take a step at half the size for as long as it explodes or, twice, does not converge."""
+    def _try(self, motion: Motion, dt: float, before: Moment) -> None:
+        """Take a step at half the size for as long as it explodes or, twice, does not converge or whirls."""
         substeps, exploded, refined = self.substeps, False, False
         for attempt in range(RETRIES + 1):
             if attempt > 0:
                 self._restore(before)
                 # A count between what explodes and what is stable may grow slowly enough to pass for sound.
                 substeps = max(2 * substeps, self._own_choice(dt))
-            unconverged, sound = self._advance(motion, dt, substeps), self._sound()
-            if sound and (unconverged == 0 or attempt >= CONVERGENCE_RETRIES):
+            unconverged, sound = self._complete(motion, dt, substeps, before)
+            settled = unconverged == 0 and not self._whirls()
+            if sound and (settled or attempt >= CONVERGENCE_RETRIES):
                 self.retried += exploded
                 self.refined += refined and unconverged == 0
                 self.unconverged += unconverged > 0
@@ -257,6 +268,10 @@ class Simulation:
                 return
             exploded, refined = exploded or not sound, refined or sound
         raise self._diverged(substeps)
+
+    def _whirls(self) -> bool:
+        """Tell whether any vertex is faster than most motions make it; few are, and the step is then worth a check."""
+        return max(float(np.abs(component).max()) for component in self._state[3:]) > WILD
 
     def _own_choice(self, dt: float) -> int:
         """Substeps in `dt` [s] that the solver would choose, whatever was asked for."""
@@ -281,7 +296,7 @@ class Simulation:
         with self._taken_back() as before:
             for _ in range(2):
                 begun = time.perf_counter()
-                self._advance(Motion(*self._pose, *self._pose), dt * tried / substeps, tried)
+                self._complete(Motion(*self._pose, *self._pose), dt * tried / substeps, tried, before)
                 seconds.append((time.perf_counter() - begun) * substeps / tried)
                 self._restore(before)
         return Forecast(substeps, min(seconds))
@@ -312,7 +327,7 @@ class Simulation:
                 share = min(now / PUT_ON_TIME, 1.0)
                 share = share * share * (3.0 - 2.0 * share)
                 attached.points[:] = spread + share * (worn - spread)
-            self._advance(motion, SETTLING_FRAME, substeps)
+            self._complete(motion, SETTLING_FRAME, substeps, self._moment())
             self._note_lift(SETTLING_FRAME)
             for component in self._state[3:]:
                 component *= SETTLING_DAMPING
@@ -338,6 +353,21 @@ class Simulation:
             self.assembly, self._room, self._state, motion, duration=duration, substeps=substeps, threads=self.threads
         )
 
+    def _complete(self, motion: Motion, duration: float, substeps: int, before: Moment) -> tuple[int, bool]:
+        """Advance a frame, again from the moment before it where pairs of layers had no room in their lists.
+
+        Returns how many solves did not converge, and whether the result is sound.
+        """
+        while True:
+            unconverged = self._advance(motion, duration, substeps)
+            known, sound = self.assembly.layers, self._sound()
+            if known is None or layers.surplus(known) == 0:
+                return unconverged, sound
+            if not sound or not layers.may_grow(known):
+                return unconverged, False
+            self._assembly = self.assembly.with_layers(layers.enlarged(known))
+            self._restore(before)
+
     def _note_lift(self, duration: float) -> None:
         """Note how far what bones hold has drifted out of colliders in a frame of `duration` [s]."""
         attached = self.assembly.attached
@@ -361,9 +391,9 @@ class Simulation:
         return sound
 
     @contextmanager
-    def _taken_back(self) -> Iterator[list[NDArray[np.floating]]]:
+    def _taken_back(self) -> Iterator[Moment]:
         """Keep a copy of the state, and put it back should anything be raised within."""
-        before, center = [component.copy() for component in self._state], self._center
+        before, center = self._moment(), self._center
         try:
             yield before
         except BaseException:
@@ -371,9 +401,15 @@ class Simulation:
             self._center = center
             raise
 
-    def _restore(self, before: list[NDArray[np.floating]]) -> None:
-        for component, kept in zip(self._state, before, strict=True):
+    def _moment(self) -> Moment:
+        known = self.assembly.layers
+        return Moment(tuple(c.copy() for c in self._state), None if known is None else layers.keep(known))
+
+    def _restore(self, before: Moment) -> None:
+        for component, kept in zip(self._state, before.state, strict=True):
             component[:] = kept
+        if self.assembly.layers is not None and before.layers is not None:
+            layers.put_back(self.assembly.layers, before.layers)
 
 
 def _vector(values: ArrayLike, name: str) -> FloatArray:

@@ -104,7 +104,8 @@ def test_a_users_mistake_is_one_line_and_status_2(case, broken):
 
 KEYS = [
     "frames", "fps", "vertices", "bones", "capsules", "solver", "substeps", "compile_s", "solve_s", "realtime_factor",
-    "stretch_max", "stretch_p99", "penetration_max_mm", "left_out", "jumps", "result", "warnings", "output",
+    "stretch_max", "stretch_p99", "penetration_max_mm", "self_contact_mm", "left_out", "jumps", "result", "warnings",
+    "output",
 ]  # fmt: skip
 
 
@@ -129,6 +130,12 @@ def test_replay_prints_a_table(tmp_path):
     for word in ("xpbd, 12 substeps", "largest stretch", "deepest penetration", "real time", "out.rrd"):
         assert word in done.stdout
     assert "unit: cm" in done.stderr
+
+
+def test_self_contact_is_told_in_the_summary(tmp_path):
+    done = cape("replay", "idle", "--end", "0.1", "-o", "out.rrd", "--self-contact", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "layers of the cape stay 5.0 mm apart" in done.stdout
 
 
 def test_options_reach_the_simulation(tmp_path):

@@ -48,6 +48,9 @@ def replay(
         str,
         typer.Option(help="Where the bones jump, carry the cape along or reset it; off takes jumps as motion."),
     ] = "carry",
+    self_contact: Annotated[
+        bool, typer.Option("--self-contact", help="Keep the cape from passing through itself.")
+    ] = False,
     unit: Unit = None,
     up: Up = None,
     height: Height = None,
@@ -67,7 +70,16 @@ def replay(
 
     return run(
         Reading(clip, unit=unit, up=up, height=height, start=start, end=end, fps=fps, attach=tuple(attach or ())),
-        Cut(fabric=fabric, spacing=spacing, length=length, solver=solver, substeps=substeps, wind=wind, cuts=cuts),
+        Cut(
+            fabric=fabric,
+            spacing=spacing,
+            length=length,
+            solver=solver,
+            substeps=substeps,
+            wind=wind,
+            cuts=cuts,
+            self_contact=self_contact,
+        ),
         output=output,
         layers=_split(layers),
         check=check,

@@ -2,7 +2,7 @@
 
 import json as json_format
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,11 @@ from cape.cli.running import simulated
 from cape.cuts import Cuts
 from cape.dress import dress
 from cape.fabric import fabric
+from cape.layers import contact_thickness
 from cape.record import LAYERS
 from cape.record.layers import check_layers
+from cape.scene import Scene
+from cape.self_contact import SelfContact
 from cape.solvers import solver
 from cape.take import Take
 from cape.wind import Wind
@@ -34,6 +37,7 @@ class Cut:
     substeps: int | None
     wind: tuple[float, float, float]
     cuts: str
+    self_contact: bool
 
 
 def run(
@@ -52,12 +56,14 @@ def run(
     clip, body, track = reading.character()
     path = output_path(output, clip)
     scene = dress(body, track, length=cut.length, spacing=cut.spacing, fabric=material, wind=Wind(velocity=cut.wind))
+    if cut.self_contact:
+        scene = replace(scene, self_contact=SelfContact())
     take = simulated(scene, track, clip, solver=method, cuts=cuts)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         take.save(path, layers=layers)
     notes = [*take.warnings, *(str(w.message) for w in caught if w.category is UserWarning)]
-    facts = _facts(take, len({track.index(bone) for bone in scene.bones}), notes, path)
+    facts = _facts(take, scene, len({track.index(bone) for bone in scene.bones}), notes, path)
     if check:
         facts["check"] = checked(take)
     if json:
@@ -75,7 +81,7 @@ def _cuts(name: str) -> Cuts | None:
     return CUTS[name]
 
 
-def _facts(take: Take, bones: int, notes: list[str], path: Path) -> dict[str, Any]:
+def _facts(take: Take, scene: Scene, bones: int, notes: list[str], path: Path) -> dict[str, Any]:
     frames = len(take.positions)
     fps = take.bones.fps if frames > 1 else 0.0
     seconds = (frames - 1) / fps if frames > 1 else 0.0
@@ -94,6 +100,7 @@ def _facts(take: Take, bones: int, notes: list[str], path: Path) -> dict[str, An
         "stretch_max": round(float(take.stretch_max.max()), 5),
         "stretch_p99": round(take.stretch_p99, 5),
         "penetration_max_mm": round(float(take.penetration.max()) * 1000.0, 3),
+        "self_contact_mm": None if scene.self_contact is None else round(1000.0 * contact_thickness(scene), 3),
         "left_out": dict(take.left_out),
         "jumps": list(take.jumps),
         "result": take.result,
@@ -115,6 +122,7 @@ def _print_table(take: Take, facts: dict[str, Any]) -> None:
         *(("left out", f"{name}: {reason}") for name, reason in take.left_out.items()),
         ("cape", f"{facts['vertices']} vertices"),
         ("solver", f"{facts['solver']}, {facts['substeps']} substeps a frame"),
+        *_self_contact_row(facts["self_contact_mm"]),
         ("compile time", f"{facts['compile_s']:.2f} s, and {facts['settle_s']:.2f} s to put the cape on"),
         ("run time", f"{facts['solve_s']:.2f} s" + (f", {factor:g} times real time" if factor else "")),
         ("largest stretch", stretch),
@@ -125,3 +133,7 @@ def _print_table(take: Take, facts: dict[str, Any]) -> None:
         ("recording", facts["output"]),
     ]
     print_rows(rows)
+
+
+def _self_contact_row(thickness: float | None) -> list[tuple[str, str]]:
+    return [] if thickness is None else [("self-contact", f"layers of the cape stay {thickness:.1f} mm apart")]

@@ -17,6 +17,7 @@ from cape.kernels.jit import driver, inlined
 from cape.kernels.shapes import DUE, direction_to_world, distance_to, into_shape, nearest, place
 from cape.kernels.watch import (
     GAIN,
+    JOLT,
     LONGEST,
     TILE,
     alarm,
@@ -239,7 +240,7 @@ def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
         due = min(due, soonest)
         if hardest >= 0.0 and hot[0] > 1:
             lead_out(start, end, free, s, shapes, share, step, most, m)
-        if hardest > 0.5 * GAIN:
+        if hardest > JOLT:
             alarm(shapes, tile, turn)
     shapes.clock[DUE] = due
 

@@ -5,6 +5,7 @@ from cape.kernels.bones import move_bones
 from cape.kernels.forces import compute_forces
 from cape.kernels.frame import begin_frame, keep_out
 from cape.kernels.jit import driver, kernel
+from cape.kernels.self_contact import keep_apart, press
 from cape.kernels.team import meet, span
 
 
@@ -44,9 +45,11 @@ def euler_frame(
             s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
         )  # fmt: skip
         move_bones(motion, m, (substep + 1) * step)
+        press(lo, hi, s, contacts.pressure, step)
         keep_out(
             lo, hi, s, inertia.inverse_mass, None, contacts.free, contacts.groups, contacts.faces, m, 1.0, substep,
             step, team,
         )  # fmt: skip
         hold(lo, hi, s, attached, m, (substep + 1) * step, step)
+        keep_apart(s, contacts.layers, inertia.inverse_mass, substep, substeps - 1 - substep, step, team)
         meet(team)

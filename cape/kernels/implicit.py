@@ -25,6 +25,7 @@ from cape.kernels.forces import compute_forces
 from cape.kernels.frame import begin_frame, keep_out
 from cape.kernels.jit import driver
 from cape.kernels.penalty import SLIP, look_around, press_all
+from cape.kernels.self_contact import add_held, add_pressure, keep_apart
 from cape.kernels.shapes import forget_places
 from cape.kernels.stages import (
     begin_bdf2,
@@ -66,7 +67,8 @@ def evaluate(lo, hi, problem, substep, penalty, b, team):
     meet(team)
     compute_forces(lo, hi, s, problem.model, f[0], f[1], f[2], problem.scratch, team)
     press_all(lo, hi, problem, problem.contacts.groups, substep, b, penalty)
-    add_pressure(lo, hi, penalty, f)
+    add_contact(lo, hi, penalty, f)
+    add_pressure(lo, hi, problem.contacts.pressure, inertia.mass, f)
     subtract_inertia(
         rate, dtype(g[0]), dtype(g[1]), dtype(g[2]), inertia.free[lo:hi], inertia.mass[lo:hi],
         t[3, lo:hi], t[4, lo:hi], t[5, lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
@@ -75,7 +77,7 @@ def evaluate(lo, hi, problem, substep, penalty, b, team):
 
 
 @driver
-def add_pressure(lo, hi, penalty, f):
+def add_contact(lo, hi, penalty, f):
     """Add the contact forces of the vertices lo to hi to the others."""
     if penalty is not None:
         for axis in range(3):
@@ -246,13 +248,17 @@ def place_bones(lo, hi, problem, time, b):
 
 
 @driver
-def leave_colliders(lo, hi, problem, earlier, substep, h, team):
-    """Move out what a step of `h` [s] leaves deeper than contact forces should, or on a fast limb's other side."""
-    contacts = problem.contacts
+def leave_colliders(lo, hi, problem, earlier, substep, substeps, h, team):
+    """Move out what a step of `h` [s] leaves deeper than contact forces should, or on a fast limb's other side.
+
+    And keep the cloth's layers apart.
+    """
+    contacts, s, inverse_mass = problem.contacts, problem.state, problem.inertia.inverse_mass
     keep_out(
-        lo, hi, problem.state, problem.inertia.inverse_mass, earlier, contacts.free, contacts.groups, contacts.faces,
-        problem.bones, GUARD, substep, h, team,
+        lo, hi, s, inverse_mass, earlier, contacts.free, contacts.groups, contacts.faces, problem.bones, GUARD, substep,
+        h, team,
     )  # fmt: skip
+    keep_apart(s, contacts.layers, inverse_mass, substep, substeps - 1 - substep, h, team)
 
 
 @driver
@@ -273,7 +279,7 @@ def backward_euler_frame(problem, substeps, duration, team):
         )  # fmt: skip
         place_bones(lo, hi, problem, (substep + 1) * h, h)
         solve_stage(lo, hi, problem, substep, h, team)
-        leave_colliders(lo, hi, problem, None, substep, h, team)
+        leave_colliders(lo, hi, problem, None, substep, substeps, h, team)
 
 
 @driver
@@ -304,5 +310,7 @@ def tr_bdf2_frame(problem, substeps, duration, team):
         place_bones(lo, hi, problem, (substep + 1) * h, b)
         solve_stage(lo, hi, problem, substep, b, team)
         keep_acceleration(lo, hi, problem, b)
+        add_held(lo, hi, -1.0, problem.contacts.pressure, work.acceleration)
+        leave_colliders(lo, hi, problem, work.start, substep, substeps, h, team)
+        add_held(lo, hi, 1.0, problem.contacts.pressure, work.acceleration)
         balance(lo, hi, problem.inertia.inverse_mass, work.acceleration, problem.penalty)
-        leave_colliders(lo, hi, problem, work.start, substep, h, team)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.kernels.self_contact import Layers, Pressure
 from cape.kernels.shapes import Faces, Shapes
 
 Array = NDArray[np.floating]
@@ -224,9 +225,12 @@ class Attached(NamedTuple):
 class Contacts(NamedTuple):
     """What the cloth can't enter, by kind, and which vertices (N,) are `free`: False for attached ones.
 
-    `faces` is what could poke through between vertices, None where nothing could or another thread looks after it.
+    `faces` is what could poke through between vertices, None where nothing could. `layers` is what keeps the cloth off
+    itself, `pressure` what acts between them, None where nothing does.
     """
 
     free: NDArray[np.bool_]
     groups: tuple[Shapes, ...] | None
     faces: tuple[Faces, ...] | None
+    layers: Layers | None
+    pressure: Pressure | None

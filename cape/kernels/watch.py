@@ -14,12 +14,13 @@ from cape.kernels.bones import velocity_at
 from cape.kernels.jit import driver, inlined
 from cape.kernels.shapes import DUE, MOMENT, distance_to, place, signed_distance
 
-TILE = 16  # vertices: smaller tiles meet fewer colliders, larger ones cost fewer calls
+TILE = 32  # vertices: smaller tiles meet fewer colliders, larger ones cost fewer calls
 GAIN = 4.0  # m/s that the speed between a tile and a collider may grow by while the pair sleeps,
 RISE = 2e3  # m/s2 and how fast it may do so
 LONGEST = 2**20  # steps that a pair may sleep
 FAR = 1.0  # m beyond which no distance is measured
 GRAIN = 1e-6  # m to which one is
+JOLT = 0.5 * GAIN  # m/s that a hit may take; after a harder one nothing around sleeps
 NEVER = -2  # turn
 STALE = 0.002  # s after which a tile's spread is looked at again
 

@@ -10,6 +10,7 @@ from cape.kernels.bones import move_bones
 from cape.kernels.forces import compute_forces
 from cape.kernels.frame import begin_frame, keep_out
 from cape.kernels.jit import driver, kernel
+from cape.kernels.self_contact import keep_apart, press
 from cape.kernels.team import meet, span
 from cape.kernels.xpbd_grid import prepare_grid, solve_grid
 from cape.kernels.xpbd_mesh import prepare_mesh, solve_mesh
@@ -88,8 +89,10 @@ def xpbd_frame(
         solve_mesh(s, mesh, inertia.inverse_mass, iterations, h, tau, bend_tau, team)
         meet(team)
         drift(h, s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi])
+        press(lo, hi, s, contacts.pressure, step)
         keep_out(
             lo, hi, s, inertia.inverse_mass, None, contacts.free, contacts.groups, contacts.faces, m, 1.0, substep,
             step, team,
         )  # fmt: skip
+        keep_apart(s, contacts.layers, inertia.inverse_mass, substep, substeps - 1 - substep, step, team)
         meet(team)

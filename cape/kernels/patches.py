@@ -1,0 +1,261 @@
+"""Patches of a cloth: what each sweeps, which may touch, and where they are found in space.
+
+The patches' boxes are put into the cells of a spatial hash (Teschner, Heidelberger, Mueller, Pomerantz and Gross 2003,
+"Optimized spatial hashing for collision detection of deformable objects", section 3). Boxes of neighbouring patches
+always overlap. Where all their normals are within 60 degrees of one direction the cloth can't touch itself, since its
+points are at least half as far apart as along the cloth (Volino and Magnenat-Thalmann 1994, "Efficient self-collision
+detection on smoothly discretized surface animations using geometrical shape regularity", section 3).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.kernels.jit import driver, inlined, kernel
+
+FloatArray = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+WIDEST = 2.0 * math.pi / 3.0  # angle between any two normals up to which neighbouring patches can't touch
+SAMPLE = 16  # one vertex in so many tells how the cloth moves as a whole
+TINY = 1e-12  # m2, of a way that is none
+
+
+class Patches(NamedTuple):
+    """P patches of neighbouring triangles: each triangle, edge and vertex belongs to one of them.
+
+    `vertices` (N,), `triangles` (3, T) and `edges` (2, E) are sorted by patch, with where each patch starts (P + 1,);
+    `neighbors` are the patches that share a vertex with a patch, with where each patch starts. `rest` (3, N) [m] is the
+    cloth without tension.
+    """
+
+    vertices: NDArray[np.uint32]
+    vertex_start: Indices
+    triangles: NDArray[np.uint32]
+    triangle_start: Indices
+    edges: NDArray[np.uint32]
+    edge_start: Indices
+    neighbors: NDArray[np.uint32]
+    neighbor_start: Indices
+    rest: FloatArray
+
+
+class Sight(NamedTuple):
+    """What a search saw: `places` (6, N) of the vertices and their ways from there, relative to their mean [m].
+
+    And scratch: boxes, lowest and highest coordinates, of what vertices (6, N), triangles (6, T), edges (6, E) and
+    patches (P, 6) sweep; normals of the triangles, unnormalised (3, T), and the patches' cones of them, axis and half
+    angle (P, 4); the hash: cells (P, 3), where each bucket starts, and the patches in them (P,); `beside` (P,), beside
+    which patch each was found last; `picked` (6, most), what of either patch of a pair is near the other, and `matched`
+    (2, most * most), which of that come near each other.
+    """
+
+    places: FloatArray
+    vertex_boxes: FloatArray
+    triangle_boxes: FloatArray
+    edge_boxes: FloatArray
+    boxes: FloatArray
+    normals: FloatArray
+    cones: FloatArray
+    cells: Indices
+    bucket_start: Indices
+    members: Indices
+    beside: Indices
+    picked: NDArray[np.uint32]
+    matched: NDArray[np.uint32]
+
+
+class Foresight(NamedTuple):
+    """What a search looks for: pairs that may come within `reach` [m] in `ahead` seconds, of points at least `nearest`
+    [m] apart at rest, while the whole cloth moves at `drift` [m/s]."""
+
+    reach: float
+    nearest: float
+    ahead: float
+    drift: tuple[float, float, float]
+
+
+@driver
+def is_foreseen(s, places, ahead, limit):
+    """Tell whether all vertices will, `ahead` seconds from now, be within a limit [m] of where they were foreseen."""
+    strayed = count_strayed(
+        s.x, s.y, s.z, s.vx, s.vy, s.vz, places[0], places[1], places[2], places[3], places[4], places[5], ahead,
+        sample_mean(s.x) + ahead * sample_mean(s.vx), sample_mean(s.y) + ahead * sample_mean(s.vy),
+        sample_mean(s.z) + ahead * sample_mean(s.vz), limit * limit,
+    )  # fmt: skip
+    return strayed == 0
+
+
+@inlined
+def sample_mean(values):
+    """Mean over one vertex in `SAMPLE`."""
+    total, count = 0.0, 0
+    for i in range(0, values.size, SAMPLE):
+        total += values[i]
+        count += 1
+    return total / count
+
+
+@kernel
+def count_strayed(x, y, z, vx, vy, vz, px, py, pz, wx, wy, wz, ahead, mx, my, mz, limit):
+    """Number of vertices that will be, relative to m, off the way from p along w by at least the root of a limit."""
+    count = 0
+    for i in range(x.size):
+        dx = x[i] + ahead * vx[i] - mx - px[i]
+        dy = y[i] + ahead * vy[i] - my - py[i]
+        dz = z[i] + ahead * vz[i] - mz - pz[i]
+        share = (dx * wx[i] + dy * wy[i] + dz * wz[i]) / (wx[i] * wx[i] + wy[i] * wy[i] + wz[i] * wz[i] + TINY)
+        share = min(max(share, 0.0), 1.0)
+        dx, dy, dz = dx - share * wx[i], dy - share * wy[i], dz - share * wz[i]
+        if not (dx * dx + dy * dy + dz * dz < limit):
+            count += 1
+    return count
+
+
+@driver
+def look(s, foresight, places):
+    """Note where vertices are, relative to their mean, and how they go on."""
+    ahead, drift = foresight.ahead, foresight.drift
+    mx, my, mz = sample_mean(s.x), sample_mean(s.y), sample_mean(s.z)
+    for i in range(s.x.size):
+        places[0, i], places[1, i], places[2, i] = s.x[i] - mx, s.y[i] - my, s.z[i] - mz
+        places[3, i], places[4, i] = ahead * (s.vx[i] - drift[0]), ahead * (s.vy[i] - drift[1])
+        places[5, i] = ahead * (s.vz[i] - drift[2])
+
+
+@driver
+def sweep_all(triangles, edges, sight, s, foresight):
+    """Box what vertices, triangles and edges sweep, with half the reach around, and set the triangles' normals."""
+    v, t, e, n = sight.vertex_boxes, sight.triangle_boxes, sight.edge_boxes, sight.normals
+    ahead, around, drift = foresight.ahead, 0.5 * foresight.reach, foresight.drift
+    sweep(s.x, s.vx, drift[0], ahead, around, v[0], v[3])
+    sweep(s.y, s.vy, drift[1], ahead, around, v[1], v[4])
+    sweep(s.z, s.vz, drift[2], ahead, around, v[2], v[5])
+    for axis in range(3):
+        box_triangles(triangles[0], triangles[1], triangles[2], v[axis], v[axis + 3], t[axis], t[axis + 3])
+        box_edges(edges[0], edges[1], v[axis], v[axis + 3], e[axis], e[axis + 3])
+    set_normals(triangles[0], triangles[1], triangles[2], s.x, s.y, s.z, n[0], n[1], n[2])
+
+
+@kernel
+def sweep(x, v, drift, ahead, around, low, high):
+    """Lowest and highest coordinate of what moves on for a time, with some room around, along one axis."""
+    for i in range(x.size):
+        end = x[i] + ahead * (v[i] - drift)
+        low[i] = (x[i] if x[i] < end else end) - around
+        high[i] = (end if x[i] < end else x[i]) + around
+
+
+@kernel
+def box_triangles(first, second, third, vertex_low, vertex_high, low, high):
+    """Lowest and highest coordinate of triangles from those of vertices, along one axis."""
+    for t in range(first.size):
+        a, b, c = vertex_low[first[t]], vertex_low[second[t]], vertex_low[third[t]]
+        d = a if a < b else b
+        low[t] = d if d < c else c
+        a, b, c = vertex_high[first[t]], vertex_high[second[t]], vertex_high[third[t]]
+        d = a if a > b else b
+        high[t] = d if d > c else c
+
+
+@kernel
+def box_edges(first, second, vertex_low, vertex_high, low, high):
+    """Lowest and highest coordinate of edges from those of vertices, along one axis."""
+    for e in range(first.size):
+        a, b = vertex_low[first[e]], vertex_low[second[e]]
+        low[e] = a if a < b else b
+        a, b = vertex_high[first[e]], vertex_high[second[e]]
+        high[e] = a if a > b else b
+
+
+@kernel
+def set_normals(first, second, third, x, y, z, nx, ny, nz):
+    """Set n to the normals of triangles, as long as twice their areas [m2]."""
+    for t in range(first.size):
+        a, b, c = first[t], second[t], third[t]
+        ux, uy, uz = x[b] - x[a], y[b] - y[a], z[b] - z[a]
+        vx, vy, vz = x[c] - x[a], y[c] - y[a], z[c] - z[a]
+        nx[t] = uy * vz - uz * vy
+        ny[t] = uz * vx - ux * vz
+        nz[t] = ux * vy - uy * vx
+
+
+@driver
+def bound_patches(start, triangle_boxes, normals, boxes, cones):
+    """Set the boxes of patches and the cones of their normals."""
+    for p in range(boxes.shape[0]):
+        for axis in range(3):
+            low, high = triangle_boxes[axis, start[p]], triangle_boxes[axis + 3, start[p]]
+            for t in range(start[p] + 1, start[p + 1]):
+                low = triangle_boxes[axis, t] if triangle_boxes[axis, t] < low else low
+                high = triangle_boxes[axis + 3, t] if triangle_boxes[axis + 3, t] > high else high
+            boxes[p, axis], boxes[p, axis + 3] = low, high
+        mx = my = mz = 0.0
+        for t in range(start[p], start[p + 1]):
+            mx, my, mz = mx + normals[0, t], my + normals[1, t], mz + normals[2, t]
+        length, least = math.sqrt(mx * mx + my * my + mz * mz), 1.0
+        for t in range(start[p], start[p + 1]):
+            nx, ny, nz = np.float64(normals[0, t]), np.float64(normals[1, t]), np.float64(normals[2, t])
+            size = length * math.sqrt(nx * nx + ny * ny + nz * nz)
+            # A triangle without area has no normal: it opens the cone.
+            cosine = (nx * mx + ny * my + nz * mz) / size if size > 0.0 else -1.0
+            least = cosine if cosine < least else least
+        if length > 0.0:
+            cones[p, 0], cones[p, 1], cones[p, 2] = mx / length, my / length, mz / length
+        cones[p, 3] = math.acos(max(least, -1.0))
+
+
+@driver
+def fill_hash(boxes, cells, start, members):
+    """Sort the boxes by the bucket of the cell that their middle lies in.
+
+    Cells are as large as the largest box, so that boxes which overlap are in adjacent cells.
+    """
+    size = 0.0
+    for p in range(boxes.shape[0]):
+        for axis in range(3):
+            size = max(size, boxes[p, axis + 3] - boxes[p, axis])
+    buckets = start.size - 1
+    start[:] = 0
+    for p in range(boxes.shape[0]):
+        for axis in range(3):
+            cells[p, axis] = math.floor(0.5 * (boxes[p, axis] + boxes[p, axis + 3]) / size)
+        start[bucket_of(cells[p, 0], cells[p, 1], cells[p, 2], buckets)] += 1
+    total = 0
+    for b in range(buckets + 1):
+        total += start[b]
+        start[b] = total
+    # From the last to the first, so that patches of a bucket are in their own order.
+    for p in range(boxes.shape[0] - 1, -1, -1):
+        b = bucket_of(cells[p, 0], cells[p, 1], cells[p, 2], buckets)
+        start[b] -= 1
+        members[start[b]] = p
+
+
+@inlined
+def bucket_of(cx, cy, cz, buckets):
+    """Bucket of a cell; their number is a power of two."""
+    return ((cx * 73856093) ^ (cy * 19349663) ^ (cz * 83492791)) & (buckets - 1)
+
+
+@inlined
+def boxes_overlap(boxes, a, b):
+    """Tell whether two patches' boxes overlap."""
+    return (
+        (boxes[a, 0] < boxes[b, 3])
+        & (boxes[a, 1] < boxes[b, 4])
+        & (boxes[a, 2] < boxes[b, 5])
+        & (boxes[b, 0] < boxes[a, 3])
+        & (boxes[b, 1] < boxes[a, 4])
+        & (boxes[b, 2] < boxes[a, 5])
+    )
+
+
+@inlined
+def is_calm(cones, a, b):
+    """Tell whether all normals of two patches are within 60 degrees of one direction."""
+    between = cones[a, 0] * cones[b, 0] + cones[a, 1] * cones[b, 1] + cones[a, 2] * cones[b, 2]
+    free = WIDEST - cones[a, 3] - cones[b, 3]
+    return free > 0.0 and between > math.cos(free)
