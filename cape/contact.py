@@ -160,6 +160,7 @@ def _faces(group: Shapes, layouts: Sequence[Layout], cloth: Cloth) -> Faces | No
         next=np.zeros(len(starts), np.int64),
         due=np.zeros(-(-len(starts) // CHUNK), np.int64),
         gaps=np.zeros(GROUP),
+        haste=np.zeros(1),
     )
 
 

@@ -1,5 +1,6 @@
 """A cloth that is being simulated: put on, settled, and stepped along with its bones."""
 
+import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cape import layers, team, wear
 from cape.assemble import Assembly, assemble
 from cape.cuts import Cuts, rigid_motion
-from cape.kernels.measure import whereabouts
+from cape.kernels.measure import is_strained, whereabouts
 from cape.kernels.records import Motion, State
 from cape.measure import Meter, Reading
 from cape.poses import Bones, Pose, read_pose
@@ -33,6 +34,7 @@ FARTHEST = 1.0  # m from the cloth's middle to the origin that its positions ref
 RETRIES = 4  # each at half the step or less
 CONVERGENCE_RETRIES = 2  # after which a step that did not converge is kept, and counted
 WILD = 60.0  # m/s: faster than cloth gets on a body, and a sign that strained springs are too stiff for the step
+STRAINED = 0.2  # from which on springs resist across their direction, too, as much as matters for the step
 FORECAST_SUBSTEPS = 50
 DEFAULT_CUTS = Cuts()
 VERTICES_OF_A_THREAD = 1500  # at least
@@ -69,7 +71,8 @@ class Simulation:
         threads: how many share the cloth at most.
         substeps: steps of the last frame, as chosen first.
         retried: frames since the start that exploded and were done again in shorter steps.
-        refined: frames that were taken in shorter steps, as the longer ones did not converge or made parts whirl.
+        refined: frames that were taken in shorter steps, as the longer ones did not converge, made parts whirl,
+            strained springs too far, or let thin colliders come by too far.
         unconverged: frames that did not converge in shorter steps either.
         cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
         jumps: frames in which the bones have jumped.
@@ -207,7 +210,7 @@ class Simulation:
             self.jumps += 1
             pose = self._reset(pose) if self.cuts.then == "reset" else self._carry(pose)
         motion = Motion(*self._pose, *pose)
-        self.substeps = self.solver.choose_substeps(self._room, dt)
+        self.substeps = self.solver.choose_substeps(self._room, dt, strained=self._is_strained())
         with self._taken_back() as before:
             self._try(motion, dt, before)
         self._pose = pose
@@ -254,11 +257,11 @@ class Simulation:
         """Take a step at half the size for as long as it explodes or, twice, does not converge or whirls."""
         substeps, exploded, refined = self.substeps, False, False
         for attempt in range(RETRIES + 1):
-            if attempt > 0:
-                self._restore(before)
-                # A count between what explodes and what is stable may grow slowly enough to pass for sound.
-                substeps = max(2 * substeps, self._own_choice(dt))
             unconverged, sound = self._complete(motion, dt, substeps, before)
+            if sound and (needed := self._needed_substeps(substeps, dt)) > substeps:
+                self._restore(before)
+                substeps, refined = needed, True
+                unconverged, sound = self._complete(motion, dt, substeps, before)
             settled = unconverged == 0 and not self._whirls()
             if sound and (settled or attempt >= CONVERGENCE_RETRIES):
                 self.retried += exploded
@@ -267,15 +270,33 @@ class Simulation:
                 self._note_lift(dt)
                 return
             exploded, refined = exploded or not sound, refined or sound
+            if attempt < RETRIES:
+                self._restore(before)
+                # A count between what explodes and what is stable may grow slowly enough to pass for sound.
+                substeps = max(2 * substeps, self._own_choice(dt, strained=True))
         raise self._diverged(substeps)
 
     def _whirls(self) -> bool:
         """Tell whether any vertex is faster than most motions make it; few are, and the step is then worth a check."""
         return max(float(np.abs(component).max()) for component in self._state[3:]) > WILD
 
-    def _own_choice(self, dt: float) -> int:
+    def _needed_substeps(self, substeps: int, dt: float) -> int:
+        """Substeps that a frame of `dt` [s] would have needed, seen after taking it in fewer."""
+        if self.solver.substeps is not None:
+            return substeps
+        faces = self.assembly.ranks[0].contacts.faces
+        needed = math.ceil(substeps * max((float(group.haste[0]) for group in faces or ()), default=0.0))
+        if self._is_strained():
+            needed = max(needed, self.solver.choose_substeps(self._room, dt, strained=True))
+        return needed
+
+    def _is_strained(self) -> bool:
+        springs = self.assembly.springs
+        return bool(is_strained(*self._state[:3], springs.first, springs.second, springs.rest, STRAINED))
+
+    def _own_choice(self, dt: float, *, strained: bool = False) -> int:
         """Substeps in `dt` [s] that the solver would choose, whatever was asked for."""
-        return replace(self.solver, substeps=None).choose_substeps(self._room, dt)
+        return replace(self.solver, substeps=None).choose_substeps(self._room, dt, strained=strained)
 
     def _diverged(self, substeps: int) -> Diverged:
         return Diverged(

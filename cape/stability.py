@@ -19,18 +19,25 @@ REMEMBERED = 64  # largest steps, of the cloths that came last
 _known: OrderedDict[bytes, float] = OrderedDict()
 
 
-def largest_frequency(springs: Springs, inverse_mass: FloatArray, positions: FloatArray) -> float:
-    """Estimate the largest angular frequency of a spring network at rest [rad/s], by the power method.
+def largest_frequency(springs: Springs, inverse_mass: FloatArray, positions: FloatArray | None) -> float:
+    """Estimate the largest angular frequency of a spring network [rad/s], by the power method.
 
     `inverse_mass` [1/kg] has shape (N,), zero for attached vertices; `positions` [m], shape (N, 3), give the springs'
-    directions. The matrix is M^-1/2 K M^-1/2 with K the linearised stiffness, springs u u^T k and bend springs.
+    directions u. The matrix is M^-1/2 K M^-1/2 with K the linearised stiffness at rest, springs k u u^T and bend
+    springs. Without positions it is one that bounds all others: a spring at length L times its rest length resists with
+    k (u u^T + (1 - 1 / L) (1 - u u^T)), which is at most k in all directions, however far it is strained or turned.
     """
-    direction = positions[springs.second] - positions[springs.first]
-    direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
+    first, second, stiffness = springs.first, springs.second, springs.stiffness
+    if positions is None:
+        direction = np.repeat(np.eye(3), len(first), axis=0)
+        first, second, stiffness = np.tile(first, 3), np.tile(second, 3), np.tile(stiffness, 3)
+    else:
+        direction = positions[second] - positions[first]
+        direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
     root = np.sqrt(inverse_mass)
     start = np.random.default_rng(0).standard_normal((len(root), 3)) * (root > 0)[:, None]
     largest = power_method(
-        start, np.empty_like(start), ITERATIONS, root, springs.first, springs.second, springs.stiffness, direction,
+        start, np.empty_like(start), ITERATIONS, root, first, second, stiffness, direction,
         springs.bend_vertices, springs.bend_coefficients, springs.bend_stiffness,
     )  # fmt: skip
     return math.sqrt(max(float(largest), 0.0))
@@ -48,13 +55,16 @@ def stable_step(frequency: float, damping_rate: float) -> float:
     return (math.hypot(damping_rate, 2.0 * frequency) - damping_rate) / frequency**2
 
 
-def largest_step(springs: Springs, fabric: Fabric, inverse_mass: FloatArray, positions: FloatArray) -> float:
-    """Largest stable step of symplectic Euler for a cloth at rest [s]; arrays as in `largest_frequency`.
+def largest_step(springs: Springs, fabric: Fabric, inverse_mass: FloatArray, positions: FloatArray | None) -> float:
+    """Largest stable step of symplectic Euler [s], for a cloth at rest or, without positions, strained at will.
+
+    Arrays are as in `largest_frequency`.
 
     It is remembered for as long as stiffness, damping and mass stay as they are.
     """
     digest = hashlib.sha256(repr((fabric.damping_time, fabric.bend_damping_time)).encode())
-    for array in (springs.first, springs.second, springs.stiffness, springs.bend_stiffness, inverse_mass, positions):
+    places = np.empty(0) if positions is None else positions
+    for array in (springs.first, springs.second, springs.stiffness, springs.bend_stiffness, inverse_mass, places):
         digest.update(np.ascontiguousarray(array).tobytes())
     key = digest.digest()
     step = _known.get(key)

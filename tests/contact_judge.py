@@ -36,8 +36,10 @@ SWEPT = 3.0  # m/s
 STRAIN = 0.05
 CLEAR = 1e-4  # m: what lacks less of the thickness lacks nothing
 # A thread strained by e snaps back at e c, where c = sqrt(stretch / density) is 100 m/s for the default fabric. Cloth
-# may snap at 30 % of strain, at 300 % where things contradict each other, and be whipped by what moves.
-SNAP, CONTRARY_SNAP = 30.0, 300.0  # m/s
+# may snap at the strain that was seen, from 30 % up to what it takes to span the girth of a solid with one spring, and
+# be whipped by what moves. Where things contradict each other it may at 300 %, seen or not.
+SNAP, CONTRARY_SNAP = 0.3, 3.0
+GIRTH = 15.0
 WHIP = 5.0  # times the speed of a collider
 
 
@@ -50,8 +52,9 @@ class Outcome:
         start: how the cloth starts.
         diverged: what the simulation said when it gave up, empty otherwise.
         finite: all positions and velocities were.
-        fastest: largest speed of a vertex [m/s].
-        allowed: speed beyond which a cloth among such colliders is out of bounds [m/s].
+        fastest: largest speed of a vertex [m/s], of the frame in which it was most as against `allowed`.
+        allowed: speed beyond which a cloth so strained among such colliders is out of bounds then [m/s].
+        strain: largest of any spring.
         stuck: a sentence for each vertex and collider that were stuck for more than 10 frames.
         pinched: pairs of vertex and collider that were deep without a way out for more than 10 frames.
     """
@@ -62,6 +65,7 @@ class Outcome:
     finite: bool = True
     fastest: float = 0.0
     allowed: float = np.inf
+    strain: float = 0.0
     stuck: list[str] = field(default_factory=list)
     pinched: int = 0
 
@@ -81,7 +85,9 @@ class Outcome:
 def run(given: Arrangement, solver: Solver | None = None) -> Outcome:
     """Simulate an arrangement and judge every frame."""
     snap = CONTRARY_SNAP if given.start == "contrary" else SNAP
-    outcome = Outcome(given.number, given.start, allowed=snap + WHIP * given.fastest)
+    fabric = given.scene.cloth.fabric
+    sound = np.sqrt(fabric.stretch / fabric.density)
+    outcome = Outcome(given.number, given.start)
     simulation = Simulation(given.scene, solver=solver, threads=1)
     track = given.track
     chosen = [track.index(bone) for bone in simulation.bones]
@@ -98,7 +104,11 @@ def run(given: Arrangement, solver: Solver | None = None) -> Outcome:
         if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
             outcome.finite = False
             break
-        outcome.fastest = max(outcome.fastest, float(np.linalg.norm(velocities, axis=1).max()))
+        outcome.strain = max(outcome.strain, judge.strain(positions))
+        speed = float(np.linalg.norm(velocities, axis=1).max())
+        allowed = sound * min(max(outcome.strain, snap), GIRTH) + WHIP * given.fastest
+        if speed * outcome.allowed > outcome.fastest * allowed or outcome.fastest == 0.0:
+            outcome.fastest, outcome.allowed = speed, float(allowed)
         judge.see(frame, positions)
     outcome.stuck, outcome.pinched = judge.verdict()
     return outcome
@@ -119,10 +129,22 @@ class Judge:
         pattern = scene.cloth.pattern
         away = np.linalg.norm(pattern[:, None] - pattern[None, self._held], axis=2)
         self._leash = (1.0 + STRAIN) * away
+        corners = scene.cloth.triangles
+        edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+        self._edges = np.unique(np.sort(edges, axis=1), axis=0)
+        self._rest = self._lengths(pattern)
         shape = (given.present, scene.cloth.vertices)
         self._streak, self._pinched = np.zeros(shape, int), np.zeros(shape, int)
         self._longest, self._longest_pinched = np.zeros(shape, int), np.zeros(shape, int)
         self._deepest, self._last = np.zeros(shape), np.zeros(shape, int)
+
+    def strain(self, positions: FloatArray) -> float:
+        """Largest strain of a spring, with vertices at positions (V, 3) [m]."""
+        return float((self._lengths(positions) / self._rest).max()) - 1.0
+
+    def _lengths(self, points: FloatArray) -> FloatArray:
+        first, second = self._edges.T
+        return np.linalg.norm(points[second] - points[first], axis=1)
 
     def see(self, frame: int, positions: FloatArray) -> None:
         """Look at positions (V, 3) [m] at the end of a frame."""

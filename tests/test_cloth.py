@@ -159,14 +159,18 @@ def test_arrays_of_a_cloth_are_read_only():
 # -- the largest stable step --
 
 
-def stiffness_matrix(cloth: GridCloth) -> np.ndarray:
-    """Hessian of the springs' energy at rest, vertex by vertex, shape (3 V, 3 V)."""
-    springs, positions, size = springs_of(cloth), cloth.positions, cloth.vertices
+def stiffness_matrix(cloth: GridCloth, positions: np.ndarray | None = None) -> np.ndarray:
+    """Hessian of the springs' energy at rest or at positions (V, 3), vertex by vertex, shape (3 V, 3 V)."""
+    springs, size = springs_of(cloth), cloth.vertices
+    positions = cloth.positions if positions is None else positions
     matrix = np.zeros((size, 3, size, 3))
-    for i, j, k in zip(springs.first, springs.second, springs.stiffness, strict=True):
-        u = (positions[j] - positions[i]) / np.linalg.norm(positions[j] - positions[i])
+    for i, j, k, rest in zip(springs.first, springs.second, springs.stiffness, springs.rest, strict=True):
+        length = np.linalg.norm(positions[j] - positions[i])
+        u = (positions[j] - positions[i]) / length
+        along = np.outer(u, u)
+        own = k * (along + (1.0 - rest / length) * (np.eye(3) - along))
         for a, b, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
-            matrix[a, :, b, :] += sign * k * np.outer(u, u)
+            matrix[a, :, b, :] += sign * own
     for members, k in zip(springs.bend_vertices, springs.bend_stiffness, strict=True):
         weights = dict(zip(members, (1, -2, 1), strict=True))
         for a, wa in weights.items():
@@ -185,6 +189,23 @@ def test_the_largest_frequency_is_that_of_the_stiffness_matrix():
     # The power method comes from below; 150 rounds leave at most 2 %.
     assert 0.98 * exact < found <= exact * (1 + 1e-9)
     assert largest_frequency(springs_of(cloth), np.zeros(cloth.vertices), cloth.positions) == 0.0
+
+
+def test_no_strain_or_turn_of_springs_makes_a_frequency_larger_than_its_bound():
+    cloth = Cloth.rectangle(width=0.3, height=0.2, spacing=0.05, fabric=Fabric(bend=0.01))
+    springs, root = springs_of(cloth), np.sqrt(np.repeat(1 / cloth.masses(), 3))
+    bound = largest_frequency(springs, 1 / cloth.masses(), None)
+    rng = np.random.default_rng(2)
+    reached = 0.0
+    for size in (0.0, 0.3, 10.0):
+        crumpled = cloth.positions + size * rng.standard_normal(cloth.positions.shape)
+        matrix = stiffness_matrix(cloth, crumpled)
+        exact = math.sqrt(np.linalg.eigvalsh(root[:, None] * matrix * root).max())
+        # The power method comes from below, by 2 % at most.
+        assert 0.98 * exact < bound
+        reached = max(reached, exact)
+    assert bound < 1.05 * reached
+    assert bound > 1.2 * largest_frequency(springs, 1 / cloth.masses(), cloth.positions)
 
 
 @given(st.floats(1, 1e5), st.floats(0, 3))

@@ -155,6 +155,22 @@ def test_too_large_a_step_is_taken_back_and_done_again(share: float):
     assert np.abs(simulation.positions - fine.positions).max() < 0.0012
 
 
+def test_a_cloth_strained_far_takes_the_shorter_steps_that_it_needs():
+    # Held by both edges and drawn to three times its length, its springs resist across their direction, too.
+    fabric = Fabric(density=0.2, stretch=100.0, shear=20.0, bend=1e-4)
+    cloth = Cloth.rectangle(width=0.3, height=0.4, spacing=0.02, fabric=fabric)
+    simulation = Simulation(Scene(cloth, [attach(cloth, "hand", "top"), attach(cloth, "foot", "bottom")]))
+    taken = []
+    for frame in range(121):
+        places = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -min(0.02 * frame, 0.8)]])
+        simulation.step(Pose(places, np.tile(UNTURNED, (2, 1))), 1 / 60)
+        taken.append(simulation.substeps)
+    assert set(taken) == {taken[0], taken[-1]}
+    assert taken[-1] > 1.2 * taken[0]
+    # The frame that strained them was taken again; of those after it none explodes.
+    assert (simulation.refined, simulation.retried) == (1, 0)
+
+
 def test_what_explodes_at_any_step_is_reported_and_the_state_is_as_before():
     solver = ExplodesAfter(substeps=20, frame=3)
     simulation = Simulation(hanging(), solver=solver)

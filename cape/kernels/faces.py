@@ -21,6 +21,9 @@ SHARE = 0.5  # of the thickness: vertices at all of it hold most triangles off w
 STEPS = 80  # of a search at most: four are usual, with boxes eleven
 SETTLED = 1e-7  # m that a search's step must promise
 PIERCED = 0.8  # of the core: deeper in, the normal tells no way out
+LEVER = 2.0  # times as far as the point that is moved a corner may be
+SLOWER = 0.5  # share of the vertices' own speed, at which a triangle that is inside leaves
+STRIDE = 0.45  # of the longest edge that a thin collider may come past it in a step: at 0.7 it gets through
 FEWEST, MOST = 2, 64  # looks at a triangle's way: for each core's length, and at most
 
 
@@ -118,6 +121,8 @@ def respond_on_triangle(s, inverse_mass, i, j, k, u, v, w, depth, nx, ny, nz, bo
     mobility = u * a + v * b + w * c
     if mobility <= 0.0:
         return
+    # Near a corner that is held the others would have to swing out far.
+    mobility = max(mobility, max(a, max(b, c)) / LEVER)
     a, b, c = a / mobility, b / mobility, c / mobility
     x = u * s.x[i] + v * s.x[j] + w * s.x[k]
     y = u * s.y[i] + v * s.y[j] + w * s.y[k]
@@ -219,18 +224,22 @@ def collide_group(s, inverse_mass, earlier, faces, group, c, m, share, step):
     far, fast = shapes.spreads[tile, 0], shapes.spreads[tile, 1]
     speed = approach(s, mid, far + faces.longest, 2.0 * fast, shapes.colliders[c].bone, m)
     start, end = faces.starts[group], faces.starts[group + 1]
+    most = SLOWER * EXIT * step / (1 + PASSES)
     inside, gap = look_at_group(faces, start, end, s, shapes, c, thickness)
     looks = 1
     if is_fast(speed * step, shapes.colliders[c].core):
         wanted = FEWEST * speed * step / shapes.colliders[c].core
         looks += int(wanted) if wanted < MOST else MOST
+        if gap < speed * step:
+            stride = max(shapes.colliders[c].core, STRIDE * faces.longest)
+            faces.haste[0] = max(faces.haste[0], speed * step / stride)
     if inside > 0 or looks > 1:
         gap = FAR
         for f in range(start, end):
             least = faces.gaps[f - start]
             if least < 0.0 or looks > 1:
                 least = collide_face(
-                    f, s, inverse_mass, earlier, faces.corners, shapes, c, thickness, m, step, EXIT * step, looks
+                    f, s, inverse_mass, earlier, faces.corners, shapes, c, thickness, m, step, most, looks
                 )  # fmt: skip
             gap = min(gap, least)
     return gap, speed

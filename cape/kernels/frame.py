@@ -24,6 +24,7 @@ def begin_frame(lo, hi, s, attached, groups, faces, motion, m, duration, substep
             group.next[:] = 0
             group.due[:] = 0
             group.wake[:] = 0
+            group.haste[:] = 0.0
     if groups is not None:
         meet(team)
     if attached is not None:
@@ -33,15 +34,17 @@ def begin_frame(lo, hi, s, attached, groups, faces, motion, m, duration, substep
 
 @inlined
 def keep_out(lo, hi, s, inverse_mass, earlier, free, groups, faces, m, share, turn, step, team):
-    """Keep the `free` ones of vertices lo to hi, then triangles, out of all colliders, which `m` has moved.
+    """Keep triangles, then the `free` ones of vertices lo to hi, out of all colliders, which `m` has moved.
 
     `groups` and `faces` are those of `Contacts`; the other arguments are those of `contact.collide`. One thread looks
-    after all triangles, whose corners may be any thread's.
+    after all triangles, whose corners may be any thread's. Vertices come last: what a triangle needs never leaves one of
+    its corners inside of anything.
     """
     if groups is not None:
         for shapes in literal_unroll(groups):
             shapes.clock[MOMENT] += 1
-            if is_due(shapes, turn):
+            # At first nothing tells yet which triangles may sleep.
+            if faces is not None and turn == 0:
                 collide(lo, hi, free, s, earlier, shapes, m, share, turn, step)
     if faces is not None:
         meet(team)
@@ -49,3 +52,7 @@ def keep_out(lo, hi, s, inverse_mass, earlier, free, groups, faces, m, share, tu
             for group in literal_unroll(faces):
                 collide_faces(s, inverse_mass, earlier, group, m, share, turn, step)
         meet(team)
+    if groups is not None:
+        for shapes in literal_unroll(groups):
+            if is_due(shapes, turn):
+                collide(lo, hi, free, s, earlier, shapes, m, share, turn, step)

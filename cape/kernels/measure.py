@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from cape.kernels.bones import set_pose
 from cape.kernels.jit import driver
 from cape.kernels.shapes import MOMENT, distance_to, place
@@ -22,6 +24,18 @@ def strain(x, y, z, first, second, rest, histogram):
         largest = max(largest, value)
         histogram[int(min(max(value, 0.0) * (BINS / WIDEST), BINS - 1.0))] += 1
     return largest
+
+
+@driver
+def is_strained(x, y, z, first, second, rest, limit):
+    """Tell whether any of the given springs is strained by more than the limit."""
+    many = np.int64(0)
+    for k in range(first.size):
+        i, j = first[k], second[k]
+        dx, dy, dz = x[j] - x[i], y[j] - y[i], z[j] - z[i]
+        most = (1.0 + limit) * rest[k]
+        many += 1 if dx * dx + dy * dy + dz * dz > most * most else 0
+    return many > 0
 
 
 @driver

@@ -83,7 +83,8 @@ class Faces(NamedTuple):
     `corners` (3, F) are vertices; those of group g of triangles, from `starts` (G + 1,) g to g + 1, hang on vertices of
     the same one of the `tiles` (G,), by edges of at most `longest` [m]. Notes: for each group `wake` (G, C) and `next`
     (G,), as for the tiles in Shapes; `due`, the first of those of each chunk of groups; `gaps` [m], how far a group's
-    triangles are off.
+    triangles are off; `haste`, how far a collider came past triangles in one step at most, as a share of what contact
+    can follow.
     """
 
     shapes: Shapes
@@ -95,6 +96,7 @@ class Faces(NamedTuple):
     next: NDArray[np.int64]
     due: NDArray[np.int64]
     gaps: Array
+    haste: Array
 
 
 DISTANCES: dict[type[Shapes], Callable[..., Any]] = {

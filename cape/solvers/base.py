@@ -50,8 +50,8 @@ class Solver(ABC):
         """Prepare the arrays that the steps of one run share."""
 
     @abstractmethod
-    def choose_substeps(self, room: Any, duration: float) -> int:
-        """Number of steps in a frame of `duration` [s]."""
+    def choose_substeps(self, room: Any, duration: float, *, strained: bool = False) -> int:
+        """Number of steps in a frame of `duration` [s], also of a cloth that is strained far."""
 
     @property
     @abstractmethod

@@ -23,13 +23,17 @@ SHORTEST_SINGLE_STEP = 1.0 / 60.0 / 2000.0  # s
 
 
 class EulerRoom(NamedTuple):
-    """What the steps of a run share: forces in its precision, scratch of each thread, the largest stable step [s]."""
+    """What the steps of a run share.
+
+    Forces in its precision, scratch of each thread, and the largest stable steps [s] of a cloth at rest, and strained.
+    """
 
     model: ForceModel
     inertia: Inertia
     forces: NDArray[np.floating]
     scratch: tuple[GridRoom | None, ...]
     stable_step: float
+    strained_step: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +45,8 @@ class SymplecticEuler(Solver):
 
     Attributes:
         precision: None for single, or double where steps are too short for single precision.
-        margin: share of the largest stable step of the cloth at rest that is used; the rest is for what motion and
-            contact add.
+        margin: share of the largest stable step that is used; the rest is for what strain, as long as it is small,
+            and contact add.
     """
 
     name: ClassVar[str] = "euler"
@@ -74,13 +78,14 @@ class SymplecticEuler(Solver):
             forces=np.zeros((3, assembly.cloth.vertices), dtype=dtype),
             scratch=force_scratch(assembly, dtype),
             stable_step=_stable_step(assembly),
+            strained_step=largest_step(assembly.springs, assembly.cloth.fabric, assembly.inverse_mass, None),
         )
 
-    def choose_substeps(self, room: EulerRoom, duration: float) -> int:
+    def choose_substeps(self, room: EulerRoom, duration: float, *, strained: bool = False) -> int:
         """Number of steps in a frame of `duration` [s]: as asked, or as many as stability needs."""
         if self.substeps is not None:
             return self.substeps
-        return max(1, math.ceil(duration / (self.margin * room.stable_step)))
+        return max(1, math.ceil(duration / (self.margin * (room.strained_step if strained else room.stable_step))))
 
     @property
     def _frame(self) -> Callable[..., Any]:

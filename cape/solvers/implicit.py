@@ -172,7 +172,7 @@ class ImplicitSolver(Solver):
             penalty=_penalty(assembly, dtype) if assembly.scene.colliders else None,
         )
 
-    def choose_substeps(self, room: ImplicitRoom, duration: float) -> int:
+    def choose_substeps(self, room: ImplicitRoom, duration: float, *, strained: bool = False) -> int:
         """Number of steps in a frame of `duration` [s]: as asked, or in proportion to 8 at 60 Hz."""
         return self.substeps or max(1, math.ceil(SUBSTEPS * 60.0 * duration - 1e-6))
 

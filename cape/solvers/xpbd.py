@@ -86,7 +86,7 @@ class XPBD(Solver):
             scratch=force_scratch(assembly, dtype) if windy else (None,) * len(assembly.ranks),
         )
 
-    def choose_substeps(self, room: XpbdRoom, duration: float) -> int:
+    def choose_substeps(self, room: XpbdRoom, duration: float, *, strained: bool = False) -> int:
         """Number of steps in a frame of `duration` [s]: as asked, or in proportion to 40 at 60 Hz."""
         return self.substeps or max(1, round(SUBSTEPS * 60.0 * duration))
 
