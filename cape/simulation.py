@@ -35,6 +35,7 @@ RETRIES = 4  # each at half the step or less
 CONVERGENCE_RETRIES = 2  # after which a step that did not converge is kept, and counted
 WILD = 60.0  # m/s: faster than cloth gets on a body, and a sign that strained springs are too stiff for the step
 STRAINED = 0.2  # from which on springs resist across their direction, too, as much as matters for the step
+MOST_HASTE = 8.0  # times as many steps as usual, that are taken for thin colliders that come by fast
 FORECAST_SUBSTEPS = 50
 DEFAULT_CUTS = Cuts()
 VERTICES_OF_A_THREAD = 1500  # at least
@@ -258,7 +259,7 @@ class Simulation:
         substeps, exploded, refined = self.substeps, False, False
         for attempt in range(RETRIES + 1):
             unconverged, sound = self._complete(motion, dt, substeps, before)
-            if sound and (needed := self._needed_substeps(substeps, dt)) > substeps:
+            if attempt == 0 and sound and (needed := self._needed_substeps(substeps, dt)) > substeps:
                 self._restore(before)
                 substeps, refined = needed, True
                 unconverged, sound = self._complete(motion, dt, substeps, before)
@@ -285,7 +286,8 @@ class Simulation:
         if self.solver.substeps is not None:
             return substeps
         faces = self.assembly.ranks[0].contacts.faces
-        needed = math.ceil(substeps * max((float(group.haste[0]) for group in faces or ()), default=0.0))
+        haste = max((float(group.haste[0]) for group in faces or ()), default=0.0)
+        needed = math.ceil(substeps * min(haste, MOST_HASTE))
         if self._is_strained():
             needed = max(needed, self.solver.choose_substeps(self._room, dt, strained=True))
         return needed

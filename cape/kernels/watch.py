@@ -112,8 +112,9 @@ def nap(gap, speed, step):
     """How many steps of `step` [s] it takes what is `gap` [m] away to come, if its `speed` [m/s] is what it is now."""
     if gap <= 0.0:
         return 1
-    speeding_up = (math.sqrt(speed * speed + 2.0 * RISE * gap) - speed) / RISE
-    return 1 + int(min(max(speeding_up, gap / (speed + GAIN)) / step, LONGEST))
+    # The root of speed t + RISE t^2 / 2 = gap, as one division.
+    speeding_up = 2.0 / (speed + math.sqrt(speed * speed + 2.0 * RISE * gap))
+    return 1 + int(min(gap * max(speeding_up, 1.0 / (speed + GAIN)) * (1.0 / step), LONGEST))
 
 
 @inlined
