@@ -24,7 +24,7 @@ PIERCED = 0.8  # of the core: deeper in, the normal tells no way out
 LEVER = 2.0  # times as far as the point that is moved a corner may be
 SLOWER = 0.5  # share of the vertices' own speed, at which a triangle that is inside leaves
 STRIDE = 0.45  # of the longest edge that a thin collider may come past it in a step: at 0.7 it gets through
-FEWEST, MOST = 2, 64  # looks at a triangle's way: for each core's length, and at most
+FEWEST, MOST = 2, 24  # looks at a triangle's way: for each core's length, and at most
 
 
 @inlined
@@ -232,7 +232,8 @@ def collide_group(s, inverse_mass, earlier, faces, group, c, m, share, step):
         looks += int(wanted) if wanted < MOST else MOST
         if gap < speed * step:
             stride = max(shapes.colliders[c].core, STRIDE * faces.longest)
-            faces.haste[0] = max(faces.haste[0], speed * step / stride)
+            past = approach(s, mid, 0.0, 0.0, shapes.colliders[c].bone, m)
+            faces.haste[0] = max(faces.haste[0], past * step / stride)
     if inside > 0 or looks > 1:
         gap = FAR
         for f in range(start, end):
