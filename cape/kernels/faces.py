@@ -6,13 +6,27 @@ that (for a capsule these are alternating projections onto axis and triangle). W
 their barycentric weights w: dv_i = w_i / m_i / sum(w_k^2 / m_k) du.
 """
 
+import math
+
 import numpy as np
 
 from cape.kernels.bones import velocity_at
 from cape.kernels.contact import EXIT, GRAZE, PASSES, before, carried, is_fast, stopped, turn_of
 from cape.kernels.jit import driver, inlined
 from cape.kernels.shapes import direction_to_world, into_shape, nearest, place, signed_distance
-from cape.kernels.watch import FAR, GAIN, GRAIN, LONGEST, TILE, alarm, approach, is_alarmed, nap, were_alarmed
+from cape.kernels.watch import (
+    FAR,
+    GAIN,
+    GRAIN,
+    LONGEST,
+    TILE,
+    alarm,
+    approach,
+    is_alarmed,
+    nap,
+    spread_of,
+    were_alarmed,
+)
 
 GROUP = 8  # triangles that are watched together
 CHUNK = 16  # groups
@@ -187,7 +201,7 @@ def collide_faces(s, inverse_mass, earlier, faces, m, share, turn, step):
                         if attempt == 0 and wake <= turn:
                             wake = shapes.wake[tile, n - 1] - ahead
                         if wake <= limit or alarmed:
-                            gap, speed = collide_group(s, inverse_mass, earlier, faces, group, c, m, share, step)
+                            gap, speed = collide_group(s, inverse_mass, earlier, faces, group, c, m, share, turn, step)
                             if gap < -GRAZE:
                                 touched = True
                                 if is_fast(speed * step, shapes.colliders[c].core):
@@ -211,7 +225,7 @@ def alarm_corners(faces, group, turn):
 
 
 @inlined
-def collide_group(s, inverse_mass, earlier, faces, group, c, m, share, step):
+def collide_group(s, inverse_mass, earlier, faces, group, c, m, share, turn, step):
     """Keep a group of triangles out of collider c.
 
     Returns the least of the gaps before [m], and the highest speed [m/s] at which the triangles move against it.
@@ -220,27 +234,25 @@ def collide_group(s, inverse_mass, earlier, faces, group, c, m, share, step):
     tile = faces.tiles[group]
     place(shapes, c, m.positions, m.matrices)
     thickness = SHARE * share * shapes.colliders[c].thickness
-    mid = min(tile * TILE + TILE // 2, s.x.size - 1)
-    far, fast = shapes.spreads[tile, 0], shapes.spreads[tile, 1]
+    end = min(tile * TILE + TILE, s.x.size)
+    mid = (tile * TILE + end) // 2
+    far, fast = spread_of(shapes, tile, s, tile * TILE, end, turn, step)
     speed = approach(s, mid, far + faces.longest, 2.0 * fast, shapes.colliders[c].bone, m)
     start, end = faces.starts[group], faces.starts[group + 1]
     most = SLOWER * EXIT * step / (1 + PASSES)
     inside, gap = look_at_group(faces, start, end, s, shapes, c, thickness)
-    looks = 1
-    if is_fast(speed * step, shapes.colliders[c].core):
-        wanted = FEWEST * speed * step / shapes.colliders[c].core
-        looks += int(wanted) if wanted < MOST else MOST
-        if gap < speed * step:
-            stride = max(shapes.colliders[c].core, STRIDE * faces.longest)
-            past = approach(s, mid, 0.0, 0.0, shapes.colliders[c].bone, m)
-            faces.haste[0] = max(faces.haste[0], past * step / stride)
-    if inside > 0 or looks > 1:
+    follow = is_fast(speed * step, shapes.colliders[c].core)
+    if follow and gap < speed * step:
+        stride = max(shapes.colliders[c].core, STRIDE * faces.longest)
+        past = approach(s, mid, 0.0, 0.0, shapes.colliders[c].bone, m)
+        faces.haste[0] = max(faces.haste[0], past * step / stride)
+    if inside > 0 or follow:
         gap = FAR
         for f in range(start, end):
             least = faces.gaps[f - start]
-            if least < 0.0 or looks > 1:
+            if least < 0.0 or follow:
                 least = collide_face(
-                    f, s, inverse_mass, earlier, faces.corners, shapes, c, thickness, m, step, most, looks
+                    f, s, inverse_mass, earlier, faces.corners, shapes, c, thickness, m, step, most, follow
                 )  # fmt: skip
             gap = min(gap, least)
     return gap, speed
@@ -272,8 +284,8 @@ def look_at_group(faces, start, end, s, shapes, c, thickness):
 
 
 @driver
-def collide_face(f, s, inverse_mass, earlier, corners, shapes, c, thickness, m, step, most, looks):
-    """Keep triangle f out of collider c, looking so often on the way through this step.
+def collide_face(f, s, inverse_mass, earlier, corners, shapes, c, thickness, m, step, most, follow):
+    """Keep triangle f out of collider c, at the step's end and, to `follow` it, on its way there.
 
     Returns the gap [m] that it had, something negative where it touches.
     """
@@ -282,7 +294,7 @@ def collide_face(f, s, inverse_mass, earlier, corners, shapes, c, thickness, m, 
     ax, ay, az = into_shape(r, s.x[i], s.y[i], s.z[i])
     bx, by, bz = into_shape(r, s.x[j], s.y[j], s.z[j])
     cx, cy, cz = into_shape(r, s.x[k], s.y[k], s.z[k])
-    if looks > 1:
+    if follow:
         sine, cosine, wx, wy, wz = turn_of(b, step, m)
         px, py, pz = before(s, i, step, earlier)
         px, py, pz = carried(px, py, pz, b, sine, cosine, wx, wy, wz, step, m)
@@ -293,6 +305,10 @@ def collide_face(f, s, inverse_mass, earlier, corners, shapes, c, thickness, m, 
         rx, ry, rz = before(s, k, step, earlier)
         rx, ry, rz = carried(rx, ry, rz, b, sine, cosine, wx, wy, wz, step, m)
         rx, ry, rz = into_shape(r, rx, ry, rz)
+        way = length(ax - px, ay - py, az - pz)
+        way = max(way, length(bx - qx, by - qy, bz - qz))
+        way = max(way, length(cx - rx, cy - ry, cz - rz))
+        looks = 1 + int(min(FEWEST * way / shapes.colliders[c].core, MOST))
         for look in range(looks):
             t = look / looks
             ex, ey, ez = px + t * (ax - px), py + t * (ay - py), pz + t * (az - pz)
@@ -324,6 +340,12 @@ def collide_face(f, s, inverse_mass, earlier, corners, shapes, c, thickness, m, 
             step, most, m,
         )  # fmt: skip
     return distance - thickness
+
+
+@inlined
+def length(x, y, z):
+    """Length of a vector."""
+    return math.sqrt(x * x + y * y + z * z)
 
 
 @inlined

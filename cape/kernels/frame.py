@@ -37,8 +37,8 @@ def keep_out(lo, hi, s, inverse_mass, earlier, free, groups, faces, m, share, tu
     """Keep triangles, then the `free` ones of vertices lo to hi, out of all colliders, which `m` has moved.
 
     `groups` and `faces` are those of `Contacts`; the other arguments are those of `contact.collide`. One thread looks
-    after all triangles, whose corners may be any thread's. Vertices come last: what a triangle needs never leaves one of
-    its corners inside of anything.
+    after all triangles, whose corners may be any thread's. Vertices come last: what a triangle needs leaves none of its
+    corners inside of anything.
     """
     if groups is not None:
         for shapes in literal_unroll(groups):
