@@ -109,7 +109,6 @@ class Simulation:
         self.unconverged = 0
         self.cuts = cuts
         self.jumps = 0
-        self._whirled = False
         self._assembly: Assembly | None = None
 
     @property
@@ -160,7 +159,6 @@ class Simulation:
         """
         moving, turning = _vector(velocity, "velocity"), _vector(spin, "spin")
         self.substeps = self.retried = self.refined = self.unconverged = self.jumps = 0
-        self._whirled = False
         self._put_on(read_pose(bones, self.bones), settle, moving, turning)
 
     def _put_on(self, pose: Pose, settle: float | None, moving: FloatArray, turning: FloatArray) -> None:
@@ -265,11 +263,8 @@ class Simulation:
                 self._restore(before)
                 substeps, refined = needed, True
                 unconverged, sound = self._complete(motion, dt, substeps, before)
-            whirls = self._whirls()
-            # Shorter steps that did not calm the frame before will not calm this one.
-            settled = unconverged == 0 and (not whirls or self._whirled)
+            settled = unconverged == 0 and not self._whirls()
             if sound and (settled or attempt >= CONVERGENCE_RETRIES):
-                self._whirled = whirls
                 self.retried += exploded
                 self.refined += refined and unconverged == 0
                 self.unconverged += unconverged > 0

@@ -9,6 +9,8 @@ by the scene's thickness off the surface,
 
 - is out of all other colliders by the thickness, where they are now and where they will be a frame later;
 - is not overrun by the collider itself: its surface does not come after it at more than 3 m/s;
+- has no other collider in between, neither on the way there nor across the threads to the neighbours, which leave with
+  it where they are deep, too: cloth that hooks around one solid is held in another;
 - can be reached: the cloth between it and each vertex that is held is long enough, at 5 % of strain.
 
 What is deep without a way out is pinched, and counted apart. So is all of a `contrary` arrangement, of which only the
@@ -34,6 +36,7 @@ DEEP = 0.002  # m
 PATIENCE = 10  # frames
 SWEPT = 3.0  # m/s
 STRAIN = 0.05
+SAMPLES = 12  # of a way
 CLEAR = 1e-4  # m: what lacks less of the thickness lacks nothing
 # A thread strained by e snaps back at e c, where c = sqrt(stretch / density) is 100 m/s for the default fabric. Cloth
 # may snap at the strain that was seen, from 30 % up to what it takes to span the girth of a solid with one spring, and
@@ -195,8 +198,24 @@ class Judge:
             if other != collider:
                 for when in (frame, following):
                     way_out &= self._distance(other, when, exits) > clear
+        way_out &= self._is_open(collider, frame, positions[deep], exits)
+        after = positions.copy()
+        after[deep] = exits
+        first, second = self._edges.T
+        closed = ~self._is_open(collider, frame, after[first], after[second])
+        way_out &= ~np.isin(deep, self._edges[closed])
         away = np.linalg.norm(exits[:, None] - positions[None, self._held], axis=2)
         return way_out & (away < self._leash[deep]).all(axis=1)
+
+    def _is_open(self, collider: int, frame: int, start: FloatArray, end: FloatArray) -> BoolArray:
+        """Tell which of the straight ways between points (N, 3) [m] run through no other collider."""
+        ways = start[:, None] + np.linspace(0.0, 1.0, SAMPLES)[:, None] * (end - start)[:, None]
+        free = np.ones(len(start), dtype=bool)
+        for other in range(len(self._solids)):
+            if other != collider:
+                through = self._distance(other, frame, ways.reshape(-1, 3)).reshape(ways.shape[:2])
+                free &= (through > -DEEP).all(axis=1)
+        return free
 
 
 def _slope(distance: Callable[[FloatArray], FloatArray], points: FloatArray) -> FloatArray:

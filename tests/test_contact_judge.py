@@ -107,6 +107,19 @@ def test_a_way_out_that_the_collider_overruns_is_none(speed: float, out: bool):
     assert (len(stuck), pinched) == ((1, 0) if out else (0, 1))
 
 
+@pytest.mark.parametrize(
+    ("place", "out"),
+    [([0.09, 0.0, 0.0], False), ([0.09, 0.0, 0.03], True), ([0.09, 0.06, 0.0], False), ([0.04, 0.0, 0.0], True)],
+    ids=["on the way", "beside the way", "across the thread to what is held", "behind the vertex"],
+)
+def test_a_way_out_through_another_collider_is_none(place: list[float], out: bool):
+    # Out of the ball, the vertex would be at 0.105, and what is held stays at (0.06, 0.08).
+    bead = Sphere(name="bead", bone="b", center=np.array(place), radius=0.01)
+    held_at = [0.075, 0.08, 0.0] if place[1] == 0.06 else [0.06, 0.08, 0.0]
+    stuck, pinched = judged(DEEP, [ball(), bead], held_at=held_at)
+    assert (len(stuck), pinched) == ((1, 0) if out else (0, 1))
+
+
 @pytest.mark.parametrize(("away", "out"), [(0.104, True), (0.106, False)])
 def test_a_way_out_of_reach_is_none(away: float, out: bool):
     # The cloth is 10 cm long between the vertex and what is held.
