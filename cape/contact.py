@@ -161,6 +161,7 @@ def _faces(group: Shapes, layouts: Sequence[Layout], cloth: Cloth) -> Faces | No
         due=np.zeros(-(-len(starts) // CHUNK), np.int64),
         gaps=np.zeros(GROUP),
         haste=np.zeros(1),
+        pushed=np.zeros(1, np.int64),
     )
 
 

@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 from cape.kernels import contact
 from cape.kernels.records import MotionRoom, State
 from cape.kernels.shapes import COLLIDER, MOMENT, Boxes, Capsules, Planes, Shapes, TaperedCapsules
-from cape.kernels.watch import TILE
+from cape.kernels.watch import TILE, measure_tiles
 
 FloatArray = NDArray[np.float64]
 
@@ -134,7 +134,10 @@ def moving(
     )
 
 
-def collide(lo: int, hi: int, free, s: State, earlier, shapes: Shapes, *how) -> None:
+def collide(
+    lo: int, hi: int, free, s: State, earlier, shapes: Shapes, m: MotionRoom, share: float, turn: int, step: float
+) -> None:
     """Contact of vertices with one kind of colliders, whose bones have moved, as in a frame."""
     shapes.clock[MOMENT] += 1
-    contact.collide(lo, hi, free, s, earlier, shapes, *how)
+    measure_tiles(lo, hi, s, shapes.spreads, turn, step)
+    contact.collide(lo, hi, free, s, earlier, shapes, m, share, turn, step)

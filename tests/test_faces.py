@@ -370,7 +370,7 @@ def one_triangle(points: FloatArray, velocities: FloatArray, shapes: Shapes) -> 
     return s, Faces(
         shapes=shapes, corners=np.array([[0], [1], [2]]), starts=np.array([0, 1]), tiles=np.array([0]), longest=0.1,
         wake=np.zeros((1, 1), np.int64), next=np.zeros(1, np.int64), due=np.zeros(1, np.int64), gaps=np.zeros(1),
-        haste=np.zeros(1),
+        haste=np.zeros(1), pushed=np.zeros(1, np.int64),
     )  # fmt: skip
 
 

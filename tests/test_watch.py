@@ -186,7 +186,7 @@ def test_triangles_that_sleep_never_hide_a_contact(kind: type[Shapes], speed: fl
         faces = Faces(
             shapes=world.shapes, corners=np.ascontiguousarray(corners.T), starts=groups, tiles=tiles, longest=0.2,
             wake=np.zeros((6, 5), np.int64), next=np.zeros(6, np.int64), due=np.zeros(1, np.int64), gaps=np.zeros(8),
-            haste=np.zeros(1),
+            haste=np.zeros(1), pushed=np.zeros(1, np.int64),
         )  # fmt: skip
         watch.begin(0, count, world.state, world.shapes, world.bones(0.0), FRAME)
         for turn in range(substeps):

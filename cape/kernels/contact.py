@@ -213,7 +213,7 @@ def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
         start = tile * TILE
         end = min(start + TILE, hi)
         mid = (start + end) // 2
-        far, fast = spread_of(shapes, tile, s, start, end, turn, step)
+        far, fast = spread_of(shapes.spreads, tile, s, start, end)
         soonest, hardest = turn + LONGEST, -1.0
         hot[0] = 0
         for k in range(1, shapes.active[0] + 1):

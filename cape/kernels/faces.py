@@ -201,7 +201,7 @@ def collide_faces(s, inverse_mass, earlier, faces, m, share, turn, step):
                         if attempt == 0 and wake <= turn:
                             wake = shapes.wake[tile, n - 1] - ahead
                         if wake <= limit or alarmed:
-                            gap, speed = collide_group(s, inverse_mass, earlier, faces, group, c, m, share, turn, step)
+                            gap, speed = collide_group(s, inverse_mass, earlier, faces, group, c, m, share, step)
                             if gap < -GRAZE:
                                 touched = True
                                 if is_fast(speed * step, shapes.colliders[c].core):
@@ -214,6 +214,7 @@ def collide_faces(s, inverse_mass, earlier, faces, m, share, turn, step):
             faces.due[chunk] = first_due
         if not touched:
             break
+        faces.pushed[0] = turn
 
 
 @inlined
@@ -225,7 +226,7 @@ def alarm_corners(faces, group, turn):
 
 
 @inlined
-def collide_group(s, inverse_mass, earlier, faces, group, c, m, share, turn, step):
+def collide_group(s, inverse_mass, earlier, faces, group, c, m, share, step):
     """Keep a group of triangles out of collider c.
 
     Returns the least of the gaps before [m], and the highest speed [m/s] at which the triangles move against it.
@@ -236,16 +237,16 @@ def collide_group(s, inverse_mass, earlier, faces, group, c, m, share, turn, ste
     thickness = SHARE * share * shapes.colliders[c].thickness
     end = min(tile * TILE + TILE, s.x.size)
     mid = (tile * TILE + end) // 2
-    far, fast = spread_of(shapes, tile, s, tile * TILE, end, turn, step)
+    far, fast = spread_of(shapes.spreads, tile, s, tile * TILE, end)
     speed = approach(s, mid, far + faces.longest, 2.0 * fast, shapes.colliders[c].bone, m)
     start, end = faces.starts[group], faces.starts[group + 1]
     most = SLOWER * EXIT * step / (1 + PASSES)
     inside, gap = look_at_group(faces, start, end, s, shapes, c, thickness)
     follow = is_fast(speed * step, shapes.colliders[c].core)
-    if follow and gap < speed * step:
-        stride = max(shapes.colliders[c].core, STRIDE * faces.longest)
-        past = approach(s, mid, 0.0, 0.0, shapes.colliders[c].bone, m)
-        faces.haste[0] = max(faces.haste[0], past * step / stride)
+    if follow:
+        past = step * approach(s, mid, 0.0, 0.0, shapes.colliders[c].bone, m)
+        if gap < past:
+            faces.haste[0] = max(faces.haste[0], past / max(shapes.colliders[c].core, STRIDE * faces.longest))
     if inside > 0 or follow:
         gap = FAR
         for f in range(start, end):
@@ -285,7 +286,7 @@ def look_at_group(faces, start, end, s, shapes, c, thickness):
 
 @driver
 def collide_face(f, s, inverse_mass, earlier, corners, shapes, c, thickness, m, step, most, follow):
-    """Keep triangle f out of collider c, at the step's end and, to `follow` it, on its way there.
+    """Keep triangle f out of collider c, at the step's end and, to `follow` it, on its way there if that is long.
 
     Returns the gap [m] that it had, something negative where it touches.
     """
@@ -308,7 +309,8 @@ def collide_face(f, s, inverse_mass, earlier, corners, shapes, c, thickness, m, 
         way = length(ax - px, ay - py, az - pz)
         way = max(way, length(bx - qx, by - qy, bz - qz))
         way = max(way, length(cx - rx, cy - ry, cz - rz))
-        looks = 1 + int(min(FEWEST * way / shapes.colliders[c].core, MOST))
+        core = shapes.colliders[c].core
+        looks = 1 + int(min(FEWEST * way / core, MOST)) if is_fast(way, core) else 0
         for look in range(looks):
             t = look / looks
             ex, ey, ez = px + t * (ax - px), py + t * (ay - py), pz + t * (az - pz)

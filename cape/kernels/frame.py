@@ -9,7 +9,7 @@ from cape.kernels.faces import collide_faces
 from cape.kernels.jit import driver, inlined
 from cape.kernels.shapes import MOMENT
 from cape.kernels.team import is_first, meet
-from cape.kernels.watch import begin, is_due
+from cape.kernels.watch import NEVER, begin, is_due, measure_tiles
 
 
 @driver
@@ -25,6 +25,7 @@ def begin_frame(lo, hi, s, attached, groups, faces, motion, m, duration, substep
             group.due[:] = 0
             group.wake[:] = 0
             group.haste[:] = 0.0
+            group.pushed[:] = NEVER
     if groups is not None:
         meet(team)
     if attached is not None:
@@ -41,18 +42,22 @@ def keep_out(lo, hi, s, inverse_mass, earlier, free, groups, faces, m, share, tu
     corners inside of anything.
     """
     if groups is not None:
+        measure_tiles(lo, hi, s, groups[0].spreads, turn, step)
         for shapes in literal_unroll(groups):
             shapes.clock[MOMENT] += 1
             # At first nothing tells yet which triangles may sleep.
             if faces is not None and turn == 0:
                 collide(lo, hi, free, s, earlier, shapes, m, share, turn, step)
+    again = turn > 0
     if faces is not None:
         meet(team)
         if is_first(team):
             for group in literal_unroll(faces):
                 collide_faces(s, inverse_mass, earlier, group, m, share, turn, step)
         meet(team)
-    if groups is not None:
+        for group in literal_unroll(faces):
+            again = again or group.pushed[0] == turn
+    if groups is not None and (again or faces is None):
         for shapes in literal_unroll(groups):
             if is_due(shapes, turn):
                 collide(lo, hi, free, s, earlier, shapes, m, share, turn, step)

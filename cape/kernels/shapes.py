@@ -45,9 +45,9 @@ class Shapes(NamedTuple):
     `colliders` (C,) are records of `COLLIDER`; `active` (C + 1,), how many the cloth may meet in this frame, and which;
     `clock`, the present `MOMENT`, which changes as the bones move, and when the next tile is `DUE`. For each tile
     `wake` (T, C), the turn of contact at which it must look at an active one again, and `next` (T,), the first of them.
-    Shared by all kinds, for each tile `spreads` (T, 3), its size [m], inner speed [m/s] and the turn until which they
-    hold, and `alarm` (T + 1,), the last turn in which it was hit hard, at last of all tiles. `hot` (C + 1,), how many a
-    tile is about to touch, and which; `gaps` [m], how far its vertices are off one of them.
+    Shared by all kinds, for each tile `spreads` (T, 3), its size [m], inner speed [m/s] and whether they hold,
+    and `alarm` (T + 1,), the last turn in which it was hit hard, at last of all tiles. `hot` (C + 1,), how many a tile
+    is about to touch, and which; `gaps` [m], how far its vertices are off one of them.
     """
 
     colliders: Any  # a record array
@@ -84,7 +84,7 @@ class Faces(NamedTuple):
     the same one of the `tiles` (G,), by edges of at most `longest` [m]. Notes: for each group `wake` (G, C) and `next`
     (G,), as for the tiles in Shapes; `due`, the first of those of each chunk of groups; `gaps` [m], how far a group's
     triangles are off; `haste`, how far a collider came past triangles in one step at most, as a share of what contact
-    can follow.
+    can follow; `pushed`, the last turn in which any of them touched.
     """
 
     shapes: Shapes
@@ -97,6 +97,7 @@ class Faces(NamedTuple):
     due: NDArray[np.int64]
     gaps: Array
     haste: Array
+    pushed: NDArray[np.int64]
 
 
 DISTANCES: dict[type[Shapes], Callable[..., Any]] = {

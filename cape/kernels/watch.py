@@ -22,7 +22,7 @@ FAR = 1.0  # m beyond which no distance is measured
 GRAIN = 1e-6  # m to which one is
 JOLT = 0.5 * GAIN  # m/s that a hit may take; after a harder one nothing around sleeps
 NEVER = -2  # turn
-STALE = 0.002  # s after which a tile's spread is looked at again
+STALE = 0.003  # s after which the spreads of all tiles are measured again
 
 
 @inlined
@@ -78,7 +78,6 @@ def begin(lo, hi, s, shapes, m, duration):
     shapes.clock[DUE] = 0
     shapes.next[first:end] = 0
     shapes.wake[first:end] = 0
-    shapes.spreads[first:end, 2] = 0
     shapes.alarm[first:end] = NEVER
     shapes.alarm[-1] = NEVER
 
@@ -142,11 +141,24 @@ def alarm(shapes, tile, turn):
     shapes.spreads[tile, 2] = 0
 
 
+@driver
+def measure_tiles(lo, hi, s, spreads, turn, step):
+    """Measure the tiles of vertices lo to hi where their spreads have become stale.
+
+    All at once and at the same times whatever is near: what a tile meets never depends on what it does not meet.
+    """
+    if turn % max(int(STALE / step), 1) == 0:
+        first, last = tiles(lo, hi)
+        for tile in range(first, last):
+            spreads[tile, 2] = 0.0
+            spread_of(spreads, tile, s, tile * TILE, min(tile * TILE + TILE, hi))
+
+
 @inlined
-def spread_of(shapes, tile, s, start, end, turn, step):
-    """The `spread` of a tile, looked at again after `STALE` seconds."""
-    note = shapes.spreads[tile]
-    if note[2] <= turn:
+def spread_of(spreads, tile, s, start, end):
+    """The `spread` of a tile, measured anew if it was hit hard since."""
+    note = spreads[tile]
+    if note[2] == 0.0:
         note[0], note[1] = spread(s, start, end)
-        note[2] = turn + max(int(STALE / step), 1)
+        note[2] = 1.0
     return note[0], note[1]
