@@ -38,13 +38,14 @@ from cape.kernels.watch import JOLT
 # s; beats, and looks for new pairs, are at most sqrt(LONGEST * step) apart, so that what they leave open vanishes with
 # the step while they cost less and less of it: 5 substeps of 0.2 ms, 1 of 5 ms.
 LONGEST = 5e-3
+CALM = 3e-3  # s; so far apart are beats at most, and looks at pairs that aren't due yet, where steps are short
 HORIZON = 4e-3  # s that vertices are foreseen to go on; longer ones need fewer searches, which list more
-ACCELERATION = 100.0  # m/s2 that two points may have towards each other before their pair is looked at again
+ACCELERATION = 20.0  # m/s2 that two points may have towards each other before their pair is looked at again
 SLACK = 0.02  # of the thickness, by which touching layers may sink in or be apart
-GROWTH = 0.02  # of the slack: the way that the growth of a force in a beat may move what it holds; more of it rings
-# Of the change in friction that a beat finds, what goes on as a force. Along the cloth stiff springs vibrate several
-# times between two beats: more of what a beat happens to see of that feeds it.
-LEARNED = 0.1
+SLIDE = 0.2  # of the thickness, by which close edges may slide before it is seen whether they cross
+# Of what a beat finds to be done, the share by which the forces that go on until the next change. Stiff springs vibrate
+# several times between two beats: more of what a beat happens to see of that feeds it.
+LEARNED = 0.2
 DEEP = 0.5  # of the thickness: pairs that are too close by more are about to pass through each other
 # s in which layers that are too close move apart by all but 1/e of what they lack, beyond `DEEP` and up to there. Where
 # folds leave no room for the thickness, springs push back what is moved apart: quickly done, that makes a heap tremble.
@@ -154,17 +155,19 @@ def keep_apart(s, layers, inverse_mass, turn, remaining, step, team):
                 clock[PRESSED] = faces.counts[0] + edges.counts[0]
             if beat or clock[NOW] + step > clock[DUE]:
                 interval = clock[SINCE] if beat else step
+                # Also what is due soon, so that going through the lists pays.
+                until = clock[NOW] + max(every * step, CALM)
                 due, hardest = part_vertices(
                     faces.counts[0], faces.first, faces.second, faces.apart, faces.due, faces.force, patches.triangles,
-                    layers.thickness, layers.friction, step, interval, clock[NOW], beat, inverse_mass, s, held,
+                    layers.thickness, layers.friction, step, interval, clock[NOW], until, beat, inverse_mass, s, held,
                 )  # fmt: skip
                 due_edges, hardest_edges = part_edges(
                     edges.counts[0], edges.first, edges.second, edges.apart, edges.due, edges.force, patches.edges,
-                    layers.thickness, layers.friction, step, interval, clock[NOW], beat, inverse_mass, s, held,
+                    layers.thickness, layers.friction, step, interval, clock[NOW], until, beat, inverse_mass, s, held,
                 )  # fmt: skip
                 clock[DUE] = min(due, due_edges)
                 hardest = max(hardest, hardest_edges)
-                wait = every * step
+                wait = max(every * step, CALM)
                 if hardest > 0.0:
                     wait = min(max(math.sqrt(2.0 * SLACK * layers.thickness / hardest), step), wait)
                 clock[BEAT] = clock[NOW] + wait if beat else min(clock[BEAT], clock[NOW] + wait)
@@ -184,10 +187,10 @@ def keep_apart(s, layers, inverse_mass, turn, remaining, step, team):
         meet(team)
 
 
-@driver
+@kernel
 def part_vertices(
-    count, first, second, apart, due, force, triangles, thickness, friction, step, interval, now, beat, inverse_mass, s,
-    held,
+    count, first, second, apart, due, force, triangles, thickness, friction, step, interval, now, until, beat,
+    inverse_mass, s, held,
 ):  # fmt: skip
     """Keep vertices off triangles.
 
@@ -195,7 +198,7 @@ def part_vertices(
     """
     earliest, hardest, slack = math.inf, 0.0, SLACK * thickness
     for k in range(count):
-        if is_asleep(due[k], now + step, beat):
+        if is_asleep(due[k], until, beat):
             earliest = due[k] if now < due[k] < earliest else earliest
             continue
         i, t = first[k], second[k]
@@ -216,10 +219,10 @@ def part_vertices(
     return earliest, hardest
 
 
-@driver
+@kernel
 def part_edges(
-    count, first, second, apart, due, force, edges, thickness, friction, step, interval, now, beat, inverse_mass, s,
-    held,
+    count, first, second, apart, due, force, edges, thickness, friction, step, interval, now, until, beat,
+    inverse_mass, s, held,
 ):  # fmt: skip
     """Keep edges apart that cross each other when looked at along the line between their closest points.
 
@@ -227,7 +230,7 @@ def part_edges(
     """
     earliest, hardest, slack = math.inf, 0.0, SLACK * thickness
     for k in range(count):
-        if is_asleep(due[k], now + step, beat):
+        if is_asleep(due[k], until, beat):
             earliest = due[k] if now < due[k] < earliest else earliest
             continue
         e, f = first[k], second[k]
@@ -241,12 +244,10 @@ def part_edges(
             )  # fmt: skip
             hardest = pressing if pressing > hardest else hardest
             due[k] = TOUCHING
-        elif depth > -slack:
-            let_go(k, force)
-            due[k] = TOUCHING
         else:
+            # Edges that are close but don't cross may do so when they have slid a little.
             let_go(k, force)
-            due[k] = now + time_until(-depth, speed_to_edge(a, b, c, d, s.vx, s.vy, s.vz))
+            due[k] = now + time_until(max(-depth, SLIDE * thickness), speed_to_edge(a, b, c, d, s.vx, s.vy, s.vz))
             earliest = due[k] if due[k] < earliest else earliest
     return earliest, hardest
 
@@ -281,7 +282,8 @@ def depth_of(k, apart, gx, gy, gz, thickness, across):
     if distance < GRAZE:
         known = math.sqrt(kx * kx + ky * ky + kz * kz)
         return (thickness, kx / known, ky / known, kz / known) if known > 0.0 else (-thickness, 0.0, 0.0, 0.0)
-    nx, ny, nz = gx / distance, gy / distance, gz / distance
+    scale = 1.0 / distance
+    nx, ny, nz = scale * gx, scale * gy, scale * gz
     if gx * kx + gy * ky + gz * kz >= 0.0 or (not across and distance > 0.5 * thickness):
         apart[k, 0], apart[k, 1], apart[k, 2] = gx, gy, gz
         return thickness - distance, nx, ny, nz
@@ -313,48 +315,57 @@ def push(
     normal = max(fx * nx + fy * ny + fz * nz, 0.0)
     pressed = max(normal + approach + min(depth, 0.0) / interval, 0.0)
     stopped = pressed - normal
+    if pressed == 0.0 and normal == 0.0 and depth <= 0.0:
+        let_go(k, force)
+        return 0.0
     jx, jy, jz = stopped * nx, stopped * ny, stopped * nz
-    going_on = min(pressed, normal + GROWTH * slack / interval)
+    going_on = normal + LEARNED * stopped
     tx = ty = tz = 0.0
     if friction > 0.0:
         fx, fy, fz = fx - normal * nx, fy - normal * ny, fz - normal * nz
         tx, ty, tz = fx - ux - approach * nx, fy - uy - approach * ny, fz - uz - approach * nz
-        drag, most = math.sqrt(tx * tx + ty * ty + tz * tz), friction * pressed
-        share = most / drag if drag > most else 1.0
-        jx, jy, jz = jx + share * tx - fx, jy + share * ty - fy, jz + share * tz - fz
-        tx, ty, tz = (
-            fx + LEARNED * (share * tx - fx),
-            fy + LEARNED * (share * ty - fy),
-            fz + LEARNED * (share * tz - fz),
-        )
-        drag, most = math.sqrt(tx * tx + ty * ty + tz * tz), friction * going_on
-        share = most / drag if drag > most else 1.0
-        tx, ty, tz = share * tx, share * ty, share * tz
-    jx, jy, jz = jx / mobility, jy / mobility, jz / mobility
+        tx, ty, tz = shortened(tx, ty, tz, friction * pressed)
+        dx, dy, dz = tx - fx, ty - fy, tz - fz
+        jx, jy, jz = jx + dx, jy + dy, jz + dz
+        tx, ty, tz = fx + LEARNED * dx, fy + LEARNED * dy, fz + LEARNED * dz
+        tx, ty, tz = shortened(tx, ty, tz, friction * going_on)
+    lightness = 1.0 / mobility
+    jx, jy, jz = lightness * jx, lightness * jy, lightness * jz
     add(a, ma, jx, jy, jz, vx, vy, vz)
     add(b, mb, jx, jy, jz, vx, vy, vz)
     add(c, mc, jx, jy, jz, vx, vy, vz)
     add(d, md, jx, jy, jz, vx, vy, vz)
     # The step is done again with the new velocity, from where they came too close. Over more than a step that would
     # feed vibrations: stiff springs turn round several times between two beats.
-    depth = max(depth, 0.0)
-    again = min(step, depth / stopped) if stopped > 0.0 else 0.0
-    rest = depth - again * stopped
-    deep = max(rest - DEEP / SLACK * slack, 0.0)
-    rest = (deep * min(1.0, interval / RECOVERY) + (rest - deep) * min(1.0, interval / EASE)) / mobility
-    jx, jy, jz = again * jx + rest * nx, again * jy + rest * ny, again * jz + rest * nz
-    add(a, ma, jx, jy, jz, x, y, z)
-    add(b, mb, jx, jy, jz, x, y, z)
-    add(c, mc, jx, jy, jz, x, y, z)
-    add(d, md, jx, jy, jz, x, y, z)
+    if depth > 0.0:
+        again = min(step, depth / stopped) if stopped > 0.0 else 0.0
+        rest = depth - again * stopped
+        deep = max(rest - DEEP / SLACK * slack, 0.0)
+        rest = (deep * min(1.0, interval / RECOVERY) + (rest - deep) * min(1.0, interval / EASE)) * lightness
+        jx, jy, jz = again * jx + rest * nx, again * jy + rest * ny, again * jz + rest * nz
+        add(a, ma, jx, jy, jz, x, y, z)
+        add(b, mb, jx, jy, jz, x, y, z)
+        add(c, mc, jx, jy, jz, x, y, z)
+        add(d, md, jx, jy, jz, x, y, z)
     if beat:
-        fx, fy, fz = (going_on * nx + tx) / gain, (going_on * ny + ty) / gain, (going_on * nz + tz) / gain
+        rate = 1.0 / gain
+        fx, fy, fz = rate * (going_on * nx + tx), rate * (going_on * ny + ty), rate * (going_on * nz + tz)
         force[k, 0], force[k, 1], force[k, 2] = fx, fy, fz
         add(a, ma, fx, fy, fz, held[0], held[1], held[2])
         add(b, mb, fx, fy, fz, held[0], held[1], held[2])
         add(c, mc, fx, fy, fz, held[0], held[1], held[2])
         add(d, md, fx, fy, fz, held[0], held[1], held[2])
     return abs(stopped) / interval
+
+
+@inlined
+def shortened(x, y, z, most):
+    """A vector, no longer than `most`."""
+    squared = x * x + y * y + z * z
+    if squared <= most * most:
+        return x, y, z
+    share = most / math.sqrt(squared)
+    return share * x, share * y, share * z
 
 
 @inlined
