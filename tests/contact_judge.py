@@ -9,8 +9,8 @@ by the scene's thickness off the surface,
 
 - is out of all other colliders by the thickness, where they are now and where they will be a frame later;
 - is not overrun by the collider itself: its surface does not come after it at more than 3 m/s;
-- has no other collider in between, neither on the way there nor across the threads to the neighbours, which leave with
-  it where they are deep, too: cloth that hooks around one solid is held in another;
+- has no other collider in between, neither on the way there nor across the threads to the neighbours, there and on the
+  way, which leave with it where they are deep, too: cloth that hooks around one solid is held in another;
 - can be reached: the cloth between it and each vertex that is held is long enough, at 5 % of strain.
 
 What is deep without a way out is pinched, and counted apart. So is all of a `contrary` arrangement, of which only the
@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 import cape
 from cape import Diverged, Pose, Simulation, Solver
+from cape.triangles import edges_of
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -37,6 +38,7 @@ PATIENCE = 10  # frames
 SWEPT = 3.0  # m/s
 STRAIN = 0.05
 SAMPLES = 12  # of a way
+THREADED = (0.25, 0.5, 0.75, 1.0)  # shares of it at which the threads are looked at
 CLEAR = 1e-4  # m: what lacks less of the thickness lacks nothing
 # A thread strained by e snaps back at e c, where c = sqrt(stretch / density) is 100 m/s for the default fabric. Cloth
 # may snap at the strain that was seen, from 30 % up to what it takes to span the girth of a solid with one spring, and
@@ -134,9 +136,7 @@ class Judge:
         pattern = scene.cloth.pattern
         away = np.linalg.norm(pattern[:, None] - pattern[None, self._held], axis=2)
         self._leash = (1.0 + STRAIN) * away
-        corners = scene.cloth.triangles
-        edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
-        self._edges = np.unique(np.sort(edges, axis=1), axis=0)
+        self._edges = edges_of(scene.cloth.triangles).vertices
         self._rest = self._lengths(pattern)
         shape = (given.present, scene.cloth.vertices)
         self._streak, self._pinched = np.zeros(shape, int), np.zeros(shape, int)
@@ -199,11 +199,12 @@ class Judge:
                 for when in (frame, following):
                     way_out &= self._distance(other, when, exits) > clear
         way_out &= self._is_open(collider, frame, positions[deep], exits)
-        after = positions.copy()
-        after[deep] = exits
-        first, second = self._edges.T
-        closed = ~self._is_open(collider, frame, after[first], after[second])
-        way_out &= ~np.isin(deep, self._edges[closed])
+        leaving = positions.copy()
+        threads = self._edges[np.isin(self._edges, deep).any(axis=1)]
+        for share in THREADED:
+            leaving[deep] = positions[deep] + share * (exits - positions[deep])
+            closed = ~self._is_open(collider, frame, *leaving[threads.T])
+            way_out &= ~np.isin(deep, threads[closed])
         away = np.linalg.norm(exits[:, None] - positions[None, self._held], axis=2)
         return way_out & (away < self._leash[deep]).all(axis=1)
 

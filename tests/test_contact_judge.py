@@ -109,8 +109,22 @@ def test_a_way_out_that_the_collider_overruns_is_none(speed: float, out: bool):
 
 @pytest.mark.parametrize(
     ("place", "out"),
-    [([0.09, 0.0, 0.0], False), ([0.09, 0.0, 0.03], True), ([0.09, 0.06, 0.0], False), ([0.04, 0.0, 0.0], True)],
-    ids=["on the way", "beside the way", "across the thread to what is held", "behind the vertex"],
+    [
+        ([0.09, 0.0, 0.0], False),
+        ([0.09, 0.0, 0.03], True),
+        ([0.09, 0.06, 0.0], False),
+        ([0.08, 0.02, 0.0], False),
+        ([0.115, 0.03, 0.0], True),
+        ([0.04, 0.0, 0.0], True),
+    ],
+    ids=[
+        "on the way",
+        "beside the way",
+        "across the thread to what is held",
+        "across the thread on the way alone",
+        "beyond the thread",
+        "behind the vertex",
+    ],
 )
 def test_a_way_out_through_another_collider_is_none(place: list[float], out: bool):
     # Out of the ball, the vertex would be at 0.105, and what is held stays at (0.06, 0.08).
