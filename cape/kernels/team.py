@@ -22,6 +22,8 @@ BLOCK = 64  # vertices that a rank has one or several of, whole vectors and whol
 LINE = 16  # words between two ranks' counts: 128 bytes, the pair of cache lines that a core fetches together
 GONE = 2**62  # count of a rank that is done, or never came: nobody waits for it
 SPINS = 200  # looks at a count, some 7 us, before the core is offered to other threads; more only helps where none wait
+OFFERS = 20  # of the core, before the thread sleeps: others may take a whole slice of time, 3 ms, at each
+NAP = 20  # us of sleep; who wakes is served before those who always work
 
 
 @inlined
@@ -70,8 +72,10 @@ def meet(team):
             spins += 1
             if spins < SPINS:
                 pause()
-            else:
+            elif spins < SPINS + OFFERS:
                 yield_core()
+            else:
+                sleep()
 
 
 @intrinsic
@@ -118,6 +122,18 @@ def yield_core(typingctx):
     def generate(context, builder, signature, arguments):
         if sys.platform != "win32":
             _call(builder, "sched_yield", ir.IntType(32))
+        return context.get_dummy_value()
+
+    return types.void(), generate
+
+
+@intrinsic
+def sleep(typingctx):
+    """Let this thread rest for a `NAP`, by the system's `usleep` (POSIX.1-2001)."""
+
+    def generate(context, builder, signature, arguments):
+        if sys.platform != "win32":
+            _call(builder, "usleep", ir.IntType(32), ir.Constant(ir.IntType(32), NAP))
         return context.get_dummy_value()
 
     return types.void(), generate
