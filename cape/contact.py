@@ -152,7 +152,7 @@ def _faces(group: Shapes, layouts: Sequence[Layout], cloth: Cloth) -> Faces | No
     starts = np.flatnonzero(place % GROUP == 0)
     return Faces(
         shapes=group,
-        corners=np.ascontiguousarray(corners.T),
+        corners=np.ascontiguousarray(corners.T.astype(np.uint32)),
         starts=np.append(starts, len(corners)),
         tiles=tile[starts],
         longest=STRETCHED * _longest_edge(cloth),

@@ -16,9 +16,10 @@ from cape import Box, Capsule, Cloth, Collider, Fabric, MeshCloth, Plane, Scene,
 from cape.colliders import TaperedCapsule
 from cape.contact import STRETCHED, contacts_of
 from cape.kernels import faces
+from cape.kernels.closest import on_triangle
 from cape.kernels.records import State
 from cape.kernels.shapes import MOMENT, Boxes, Capsules, Faces, Shapes, TaperedCapsules, place
-from cape.kernels.watch import GRAIN, TILE
+from cape.kernels.watch import JOLT, NEVER, TILE
 
 ROUNDING = 1e-12
 
@@ -41,7 +42,9 @@ DENSE, COARSE = grid_of_weights(60), grid_of_weights(20)
 
 
 def nearest_weights(p: FloatArray, corners: FloatArray) -> FloatArray:
-    return np.array(faces.weights_of_nearest(*map(float, p), *map(float, corners.ravel())))
+    a, b, c = corners
+    u, v, _ = on_triangle(*map(float, (*(p - a), *(b - a), *(c - a))))
+    return np.array([1.0 - u - v, u, v])
 
 
 @settings(deadline=None)  # the first one compiles
@@ -200,7 +203,7 @@ def test_a_look_at_a_group_tells_the_clearance_of_each():
     expected = np.array([faces.clearance(shapes, 0, *map(float, t.ravel())) for t in own]) - 0.02
     np.testing.assert_allclose(group.gaps, expected, atol=1e-15)
     assert inside == (expected < 0).sum()
-    assert least == pytest.approx(expected.min(), abs=GRAIN)
+    assert least == pytest.approx(expected.min(), abs=1e-15)
 
 
 # -- what the corners get --
@@ -222,7 +225,7 @@ def test_a_point_of_a_triangle_is_stopped_by_impulses_on_its_corners(held: tuple
         n /= np.linalg.norm(n)
         m = moving([velocity], spin=[spin], place=[here])
         depth = rng.uniform(0.0, 0.05)
-        faces.respond_on_triangle(s, inverse, *corners, *w, depth, *n, 0, friction, back, most, m)
+        speed = faces.respond_on_triangle(s, inverse, *corners, *w, depth, *n, 0, friction, back, most, m)
         moved, gained = np.stack(s[:3]) - p, np.stack(s[3:]) - v
         others = np.setdiff1d(np.arange(6), [corners[k] for k in range(3) if k not in held])
         np.testing.assert_array_equal(moved[:, others], 0.0)
@@ -237,6 +240,7 @@ def test_a_point_of_a_triangle_is_stopped_by_impulses_on_its_corners(held: tuple
         parts.append(part)
         after = against + gained[:, corners] @ w / part
         inwards = -(against @ n)
+        assert speed == pytest.approx(inwards)
         if inwards <= 0:
             np.testing.assert_array_equal(gained, 0.0)
         else:
@@ -368,9 +372,9 @@ def one_triangle(points: FloatArray, velocities: FloatArray, shapes: Shapes) -> 
     s = State(*np.array(points.T, float), *np.array(velocities.T, float))
     shapes.colliders.thin = 1
     return s, Faces(
-        shapes=shapes, corners=np.array([[0], [1], [2]]), starts=np.array([0, 1]), tiles=np.array([0]), longest=0.1,
-        wake=np.zeros((1, 1), np.int64), next=np.zeros(1, np.int64), due=np.zeros(1, np.int64), gaps=np.zeros(1),
-        haste=np.zeros(1), pushed=np.zeros(1, np.int64),
+        shapes=shapes, corners=np.array([[0], [1], [2]], np.uint32), starts=np.array([0, 1]), tiles=np.array([0]),
+        longest=0.1, wake=np.zeros((1, 1), np.int64), next=np.zeros(1, np.int64), due=np.zeros(1, np.int64),
+        gaps=np.zeros(1), haste=np.zeros(1), pushed=np.zeros(1, np.int64),
     )  # fmt: skip
 
 
@@ -421,3 +425,21 @@ def test_a_needle_that_passes_in_one_step_takes_the_triangle_along(speed: float,
     assert hit @ s.z > center[2] + radius
     assert speed * (1 - 1e-9) < hit @ s.vz < 1.1 * speed
     assert gap_of(s, center, radius) > 0.0
+
+
+@pytest.mark.parametrize("following", [False, True], ids=["at its place", "on its way"])
+@pytest.mark.parametrize("hard", [False, True])
+def test_what_a_triangle_hits_hard_is_awake_next_time(hard: bool, following: bool):
+    # A corner may be given `LEVER` times the speed of the point that is hit; other colliders learn of more than `JOLT`,
+    # and of all that is put back to where it was hit on its way.
+    speed = (1.1 if hard else 0.9) * JOLT / faces.LEVER
+    radius = 0.001 if following else 0.02
+    assert (speed * STEP > 0.5 * radius) == following
+    ball = record(Capsules, (0, radius, 0, 0), thickness=0.005)
+    s, triangle = one_triangle(FLAT, np.zeros((3, 3)), ball)
+    ball.alarm[:] = NEVER
+    ball.spreads[:] = measured = (0.03, 0.0, 1.0)
+    meet(s, triangle, moving([[0.0, 0.0, speed]], place=[[0.0, 0.0, -radius]]), 3)
+    assert s.vz.max() > 0.0
+    assert (ball.alarm[0] == 3) == (hard or following)
+    assert (tuple(ball.spreads[0]) != measured) == (hard or following)

@@ -8,16 +8,14 @@ their barycentric weights w: dv_i = w_i / m_i / sum(w_k^2 / m_k) du.
 
 import math
 
-import numpy as np
-
 from cape.kernels.bones import velocity_at
+from cape.kernels.closest import on_triangle
 from cape.kernels.contact import EXIT, GRAZE, PASSES, before, carried, is_fast, stopped, turn_of
 from cape.kernels.jit import driver, inlined
 from cape.kernels.shapes import direction_to_world, into_shape, nearest, place, signed_distance
 from cape.kernels.watch import (
-    FAR,
     GAIN,
-    GRAIN,
+    JOLT,
     LONGEST,
     TILE,
     alarm,
@@ -37,43 +35,8 @@ SETTLED = 1e-7  # m that a search's step must promise
 PIERCED = 0.8  # of the core: deeper in, the normal tells no way out
 LEVER = 2.0  # times as far as the point that is moved a corner may be
 SLOWER = 0.5  # share of the vertices' own speed, at which a triangle that is inside leaves
-STRIDE = 0.45  # of the longest edge that a thin collider may come past it in a step: at 0.7 it gets through
+STRIDE = 0.45  # of the longest edge that a thin collider may come past it in a step: at 1.3 threads get through
 FEWEST, MOST = 2, 24  # looks at a triangle's way: for each core's length, and at most
-
-
-@inlined
-def weights_of_nearest(px, py, pz, ax, ay, az, bx, by, bz, cx, cy, cz):
-    """Barycentric weights of a triangle's point nearest to p (Ericson, Real-Time Collision Detection, 5.1.5)."""
-    ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
-    x, y, z = px - ax, py - ay, pz - az
-    d1, d2 = ux * x + uy * y + uz * z, vx * x + vy * y + vz * z
-    if d1 <= 0.0 and d2 <= 0.0:
-        return 1.0, 0.0, 0.0
-    x, y, z = px - bx, py - by, pz - bz
-    d3, d4 = ux * x + uy * y + uz * z, vx * x + vy * y + vz * z
-    if d3 >= 0.0 and d4 <= d3:
-        return 0.0, 1.0, 0.0
-    vc = d1 * d4 - d3 * d2
-    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0 and d1 > d3:
-        t = d1 / (d1 - d3)
-        return 1.0 - t, t, 0.0
-    x, y, z = px - cx, py - cy, pz - cz
-    d5, d6 = ux * x + uy * y + uz * z, vx * x + vy * y + vz * z
-    if d6 >= 0.0 and d5 <= d6:
-        return 0.0, 0.0, 1.0
-    vb = d5 * d2 - d1 * d6
-    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0 and d2 > d6:
-        t = d2 / (d2 - d6)
-        return 1.0 - t, 0.0, t
-    va = d3 * d6 - d5 * d4
-    if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-        side = (d4 - d3) + (d5 - d6)
-        t = (d4 - d3) / side if side > 0.0 else 0.0
-        return 0.0, 1.0 - t, t
-    total = va + vb + vc
-    if total <= 0.0:
-        return 1.0, 0.0, 0.0
-    return va / total, vb / total, vc / total
 
 
 @driver
@@ -99,8 +62,8 @@ def deepest_on_triangle(shapes, c, ax, ay, az, bx, by, bz, cx, cy, cz):
     way = max(distance + core, 0.1 * core)
     dx, dy, dz, lag = nx, ny, nz, 0.0
     for _ in range(STEPS):
-        p, q, r = weights_of_nearest(x - way * dx, y - way * dy, z - way * dz, ax, ay, az, bx, by, bz, cx, cy, cz)
-        tx, ty, tz = p * ax + q * bx + r * cx, p * ay + q * by + r * cy, p * az + q * bz + r * cz
+        q, r, _ = on_triangle(x - way * dx - ax, y - way * dy - ay, z - way * dz - az, ex, ey, ez, fx, fy, fz)
+        p, tx, ty, tz = 1.0 - q - r, ax + q * ex + r * fx, ay + q * ey + r * fy, az + q * ez + r * fz
         gx, gy, gz = x - tx, y - ty, z - tz
         promised = dx * gx + dy * gy + dz * gz + lag
         if promised < SETTLED:
@@ -130,11 +93,11 @@ def deepest_on_triangle(shapes, c, ax, ay, az, bx, by, bz, cx, cy, cz):
 
 @driver
 def respond_on_triangle(s, inverse_mass, i, j, k, u, v, w, depth, nx, ny, nz, bone, friction, step, most, m):
-    """Stop a point of the triangle i, j, k, as `contact.respond` does a vertex."""
+    """Stop a point of the triangle i, j, k, as `contact.respond` does a vertex, and return its speed as that does."""
     a, b, c = u * inverse_mass[i], v * inverse_mass[j], w * inverse_mass[k]
     mobility = u * a + v * b + w * c
     if mobility <= 0.0:
-        return
+        return 0.0
     # Near a corner that is held the others would have to swing out far.
     mobility = max(mobility, max(a, max(b, c)) / LEVER)
     a, b, c = a / mobility, b / mobility, c / mobility
@@ -145,7 +108,7 @@ def respond_on_triangle(s, inverse_mass, i, j, k, u, v, w, depth, nx, ny, nz, bo
     rx = u * s.vx[i] + v * s.vx[j] + w * s.vx[k] - sx
     ry = u * s.vy[i] + v * s.vy[j] + w * s.vy[k] - sy
     rz = u * s.vz[i] + v * s.vz[j] + w * s.vz[k] - sz
-    ux, uy, uz, _ = stopped(rx, ry, rz, nx, ny, nz, friction)
+    ux, uy, uz, inwards = stopped(rx, ry, rz, nx, ny, nz, friction)
     ux, uy, uz = ux - rx, uy - ry, uz - rz
     depth -= step * (ux * nx + uy * ny + uz * nz)
     depth = min(max(depth, 0.0), most)
@@ -168,6 +131,7 @@ def respond_on_triangle(s, inverse_mass, i, j, k, u, v, w, depth, nx, ny, nz, bo
     s.x[k] += c * px
     s.y[k] += c * py
     s.z[k] += c * pz
+    return inwards
 
 
 @driver
@@ -201,10 +165,12 @@ def collide_faces(s, inverse_mass, earlier, faces, m, share, turn, step):
                         if attempt == 0 and wake <= turn:
                             wake = shapes.wake[tile, n - 1] - ahead
                         if wake <= limit or alarmed:
-                            gap, speed = collide_group(s, inverse_mass, earlier, faces, group, c, m, share, step)
+                            gap, speed, hardest = collide_group(
+                                s, inverse_mass, earlier, faces, group, c, m, share, step
+                            )
                             if gap < -GRAZE:
                                 touched = True
-                                if is_fast(speed * step, shapes.colliders[c].core):
+                                if LEVER * hardest > JOLT or is_fast(speed * step, shapes.colliders[c].core):
                                     alarm_corners(faces, group, turn)
                             wake = turn + nap(gap, speed, step)
                         faces.wake[group, n - 1] = wake
@@ -219,7 +185,7 @@ def collide_faces(s, inverse_mass, earlier, faces, m, share, turn, step):
 
 @inlined
 def alarm_corners(faces, group, turn):
-    """Note that the corners of a group of triangles may have been given any velocity."""
+    """Note that the corners of a group of triangles were hit hard, or put far away."""
     for f in range(faces.starts[group], faces.starts[group + 1]):
         for k in range(3):
             alarm(faces.shapes, faces.corners[k, f] // TILE, turn)
@@ -229,7 +195,8 @@ def alarm_corners(faces, group, turn):
 def collide_group(s, inverse_mass, earlier, faces, group, c, m, share, step):
     """Keep a group of triangles out of collider c.
 
-    Returns the least of the gaps before [m], and the highest speed [m/s] at which the triangles move against it.
+    Returns the least of the gaps before [m], the highest speed [m/s] at which the triangles move against it, and the
+    highest at which a point of one that touches moved into its surface.
     """
     shapes = faces.shapes
     tile = faces.tiles[group]
@@ -247,16 +214,18 @@ def collide_group(s, inverse_mass, earlier, faces, group, c, m, share, step):
         past = step * approach(s, mid, 0.0, 0.0, shapes.colliders[c].bone, m)
         if gap < past:
             faces.haste[0] = max(faces.haste[0], past / max(shapes.colliders[c].core, STRIDE * faces.longest))
+    hardest = 0.0
     if inside > 0 or follow:
-        gap = FAR
+        gap = math.inf
         for f in range(start, end):
             least = faces.gaps[f - start]
             if least < 0.0 or follow:
-                least = collide_face(
+                least, inwards = collide_face(
                     f, s, inverse_mass, earlier, faces.corners, shapes, c, thickness, m, step, most, follow
                 )  # fmt: skip
+                hardest = max(hardest, inwards)
             gap = min(gap, least)
-    return gap, speed
+    return gap, speed, hardest
 
 
 @inlined
@@ -268,7 +237,7 @@ def look_at_group(faces, start, end, s, shapes, c, thickness):
     r, sizes, gaps, corners = shapes.colliders[c].placed, shapes.colliders[c].sizes, faces.gaps, faces.corners
     x, y, z = s.x, s.y, s.z
     e, f, g, h = sizes[0], sizes[1], sizes[2], sizes[3]
-    inside, least = 0, np.int32(FAR / GRAIN)
+    inside, least = 0, math.inf
     for k in range(end - start):
         i, j, n = corners[0, start + k], corners[1, start + k], corners[2, start + k]
         mx, my, mz = (x[i] + x[j] + x[n]) * THIRD, (y[i] + y[j] + y[n]) * THIRD, (z[i] + z[j] + z[n]) * THIRD
@@ -280,15 +249,15 @@ def look_at_group(faces, start, end, s, shapes, c, thickness):
         gap = distance + min(first, min(second, -first - second)) - thickness
         gaps[k] = gap
         inside += 1 if gap < 0.0 else 0
-        least = min(least, np.int32(max(min(gap, FAR), -FAR) / GRAIN))
-    return inside, GRAIN * least
+        least = min(least, gap)
+    return inside, least
 
 
 @driver
 def collide_face(f, s, inverse_mass, earlier, corners, shapes, c, thickness, m, step, most, follow):
     """Keep triangle f out of collider c, at the step's end and, to `follow` it, on its way there if that is long.
 
-    Returns the gap [m] that it had, something negative where it touches.
+    Returns the gap [m] that it had, something negative where it touches, and the speed [m/s] into the surface.
     """
     r, b = shapes.colliders[c].placed, shapes.colliders[c].bone
     i, j, k = corners[0, f], corners[1, f], corners[2, f]
@@ -329,19 +298,20 @@ def collide_face(f, s, inverse_mass, earlier, corners, shapes, c, thickness, m, 
             )
             if along < 0.0:
                 nx, ny, nz = direction_to_world(r, nx, ny, nz)
-                respond_on_triangle(
+                inwards = respond_on_triangle(
                     s, inverse_mass, i, j, k, u, v, w, thickness - distance - along, nx, ny, nz, b,
                     shapes.colliders[c].friction, step, -along + most, m,
                 )  # fmt: skip
-                return -1.0
+                return -1.0, inwards
     distance, nx, ny, nz, u, v, w = deepest_on_triangle(shapes, c, ax, ay, az, bx, by, bz, cx, cy, cz)
+    inwards = 0.0
     if -PIERCED * shapes.colliders[c].core <= distance < thickness:
         nx, ny, nz = direction_to_world(r, nx, ny, nz)
-        respond_on_triangle(
+        inwards = respond_on_triangle(
             s, inverse_mass, i, j, k, u, v, w, thickness - distance, nx, ny, nz, b, shapes.colliders[c].friction,
             step, most, m,
         )  # fmt: skip
-    return distance - thickness
+    return distance - thickness, inwards
 
 
 @inlined

@@ -33,7 +33,7 @@ from cape.kernels.jit import driver, inlined, kernel
 from cape.kernels.near_pairs import TOUCHING, Pairs, search
 from cape.kernels.patches import FloatArray, Indices, Patches, Sight, is_foreseen
 from cape.kernels.team import is_first, meet
-from cape.kernels.watch import JOLT
+from cape.kernels.watch import JOLT, alarm_all
 
 # s; beats, and looks for new pairs, are at most sqrt(LONGEST * step) apart, so that what they leave open vanishes with
 # the step while they cost less and less of it: 5 substeps of 0.2 ms, 1 of 5 ms.
@@ -172,8 +172,7 @@ def keep_apart(s, layers, inverse_mass, turn, remaining, step, team):
                     wait = min(max(math.sqrt(2.0 * SLACK * layers.thickness / hardest), step), wait)
                 clock[BEAT] = clock[NOW] + wait if beat else min(clock[BEAT], clock[NOW] + wait)
                 if hardest * interval > JOLT:
-                    layers.alarm[:] = turn
-                    layers.spreads[:, 2] = 0
+                    alarm_all(layers, turn)
             if beat:
                 clock[SINCE] = 0.0
             looks = remaining % every == 0 or clock[SEARCHES] == 0.0

@@ -88,7 +88,7 @@ class Faces(NamedTuple):
     """
 
     shapes: Shapes
-    corners: NDArray[np.int64]
+    corners: NDArray[np.uint32]
     starts: NDArray[np.int64]
     tiles: NDArray[np.int64]
     longest: float

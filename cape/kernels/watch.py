@@ -18,8 +18,7 @@ TILE = 32  # vertices: smaller tiles meet fewer colliders, larger ones cost fewe
 GAIN = 4.0  # m/s that the speed between a tile and a collider may grow by while the pair sleeps,
 RISE = 2e3  # m/s2 and how fast it may do so
 LONGEST = 2**20  # steps that a pair may sleep
-FAR = 1.0  # m beyond which no distance is measured
-GRAIN = 1e-6  # m to which one is
+MAGNITUDE = np.int64(2**63 - 1)  # the bits of a number, but for its sign
 JOLT = 0.5 * GAIN  # m/s that a hit may take; after a harder one nothing around sleeps
 NEVER = -2  # turn
 STALE = 0.003  # s after which the spreads of all tiles are measured again
@@ -32,16 +31,30 @@ def tiles(lo, hi):
 
 
 @inlined
+def to_order(number):
+    """A whole number for each real one, in the same order: vector units find the least of them at once."""
+    bits = np.float64(number).view(np.int64)
+    return bits ^ ((bits >> np.int64(63)) & MAGNITUDE)
+
+
+@inlined
+def from_order(order):
+    """The number that `to_order` gave this one for."""
+    return np.int64(order ^ ((order >> np.int64(63)) & MAGNITUDE)).view(np.float64)
+
+
+@inlined
 def spread(s, lo, hi):
     """Largest distance [m] and difference in velocity [m/s] of the vertices lo to hi from the middle one of them."""
     mid = (lo + hi) // 2
-    far = fast = 0.0
-    for i in range(lo, hi):
-        x, y, z = float(s.x[i]) - s.x[mid], float(s.y[i]) - s.y[mid], float(s.z[i]) - s.z[mid]
-        u, v, w = float(s.vx[i]) - s.vx[mid], float(s.vy[i]) - s.vy[mid], float(s.vz[i]) - s.vz[mid]
-        far = max(far, x * x + y * y + z * z)
-        fast = max(fast, u * u + v * v + w * w)
-    return math.sqrt(far), math.sqrt(fast)
+    mx, my, mz, mu, mv, mw = s.x[mid], s.y[mid], s.z[mid], s.vx[mid], s.vy[mid], s.vz[mid]
+    x, y, z, u, v, w = s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi]
+    far = fast = np.int64(0)
+    for i in range(hi - lo):
+        dx, dy, dz, du, dv, dw = x[i] - mx, y[i] - my, z[i] - mz, u[i] - mu, v[i] - mv, w[i] - mw
+        far = max(far, to_order(dx * dx + dy * dy + dz * dz))
+        fast = max(fast, to_order(du * du + dv * dv + dw * dw))
+    return math.sqrt(from_order(far)), math.sqrt(from_order(fast))
 
 
 @inlined
@@ -86,15 +99,14 @@ def begin(lo, hi, s, shapes, m, duration):
 def look(shapes, c, s, start, end, thickness):
     """Tell how many vertices start to end are within `thickness` [m] of collider c, and how far the nearest is beyond.
 
-    `shapes.gaps` are set to how far each is beyond [m]. The least of them is rounded down to a `GRAIN`: vector units
-    find the least of integers at once, of floats one after the other.
+    `shapes.gaps` are set to how far each is beyond [m].
     """
     r, sizes, gaps = shapes.colliders[c].placed, shapes.colliders[c].sizes, shapes.gaps
     x, y, z = s.x[start:end], s.y[start:end], s.z[start:end]
     ax, ay, az, bx, by, bz, cx, cy, cz = r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]
     ox, oy, oz = r[9], r[10], r[11]
     e, f, g, h = sizes[0], sizes[1], sizes[2], sizes[3]
-    inside, least = 0, np.int32(FAR / GRAIN)
+    inside, least = 0, to_order(math.inf)
     for i in range(end - start):
         px, py, pz = x[i] - ox, y[i] - oy, z[i] - oz
         px, py, pz = ax * px + bx * py + cx * pz, ay * px + by * py + cy * pz, az * px + bz * py + cz * pz
@@ -102,8 +114,8 @@ def look(shapes, c, s, start, end, thickness):
         gap = distance - thickness
         gaps[i] = gap
         inside += 1 if gap < 0.0 else 0
-        least = min(least, np.int32(max(min(gap, FAR), -FAR) / GRAIN))
-    return inside, GRAIN * least
+        least = min(least, to_order(gap))
+    return inside, from_order(least)
 
 
 @inlined
@@ -139,6 +151,13 @@ def alarm(shapes, tile, turn):
     """Note that a tile was hit hard."""
     shapes.alarm[tile] = shapes.alarm[-1] = turn
     shapes.spreads[tile, 2] = 0
+
+
+@inlined
+def alarm_all(notes, turn):
+    """Note that any tile may have been hit hard; `notes` have the `alarm` and `spreads` of `Shapes`."""
+    notes.alarm[:] = turn
+    notes.spreads[:, 2] = 0.0
 
 
 @driver
