@@ -10,6 +10,7 @@ from cape.kernels.near_pairs import Pairs
 from cape.kernels.patches import Patches, Sight
 from cape.kernels.self_contact import CLOCKS, Layers, Pressure
 from cape.scene import Scene
+from cape.triangles import edges_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -40,7 +41,7 @@ def default_thickness(cloth: Cloth) -> float:
 
     At that distance no two parts of a triangle mesh touch along the cloth, unless it is sharply folded.
     """
-    rest, (first, second) = rest_shape(cloth), edges_of(cloth.triangles).T
+    rest, (first, second) = rest_shape(cloth), edges_of(cloth.triangles).vertices.T
     return min(SHARE_OF_EDGE * float(np.linalg.norm(rest[first] - rest[second], axis=1).mean()), THICKEST)
 
 
@@ -169,19 +170,14 @@ def connected_pieces(triangles: NDArray[np.integer], vertices: int) -> IntArray:
             return np.unique(lowest, return_inverse=True)[1]
 
 
-def edges_of(triangles: NDArray[np.integer]) -> IntArray:
-    """Edges of a mesh, the lower index first, shape (E, 2)."""
-    return np.unique(_sides(triangles), axis=0)
-
-
 def cut_into_patches(triangles: NDArray[np.integer], rest: FloatArray) -> Patches:
     """Halve a mesh across its longest extent at rest until pieces have at most `PATCH` triangles."""
     owner, pieces = _owners(rest[triangles].mean(axis=1))
     order = np.argsort(owner, kind="stable")
-    triangles, owner = triangles[order].astype(np.int64), owner[order]
-    edges, edge_of_side = np.unique(_sides(triangles), axis=0, return_inverse=True)
-    edge_owner, vertex_owner = np.full(len(edges), pieces), np.full(len(rest), pieces - 1)
-    np.minimum.at(edge_owner, edge_of_side.ravel(), np.repeat(owner, 3))
+    triangles, owner = triangles[order], owner[order]
+    mesh = edges_of(triangles)
+    edge_owner, vertex_owner = np.full(len(mesh.vertices), pieces), np.full(len(rest), pieces - 1)
+    np.minimum.at(edge_owner, mesh.of_triangle.ravel(), np.repeat(owner, 3))
     np.minimum.at(vertex_owner, triangles.ravel(), np.repeat(owner, 3))
     by_edge, by_vertex = np.argsort(edge_owner, kind="stable"), np.argsort(vertex_owner, kind="stable")
     neighbors = _neighbors(triangles, owner, len(rest))
@@ -191,7 +187,7 @@ def cut_into_patches(triangles: NDArray[np.integer], rest: FloatArray) -> Patche
         vertex_start=np.searchsorted(vertex_owner[by_vertex], ends),
         triangles=np.ascontiguousarray(triangles.T.astype(np.uint32)),
         triangle_start=np.searchsorted(owner, ends),
-        edges=np.ascontiguousarray(edges[by_edge].T.astype(np.uint32)),
+        edges=np.ascontiguousarray(mesh.vertices[by_edge].T.astype(np.uint32)),
         edge_start=np.searchsorted(edge_owner[by_edge], ends),
         neighbors=neighbors[:, 1].astype(np.uint32),
         neighbor_start=np.searchsorted(neighbors[:, 0], ends),
@@ -215,17 +211,12 @@ def _owners(middles: FloatArray) -> tuple[IntArray, int]:
     return owner, pieces
 
 
-def _neighbors(triangles: IntArray, owner: IntArray, vertices: int) -> IntArray:
+def _neighbors(triangles: NDArray[np.integer], owner: IntArray, vertices: int) -> IntArray:
     """Pairs of patches that share a vertex, each both ways, sorted, shape (n, 2)."""
     corners = np.unique(np.stack([triangles.ravel(), np.repeat(owner, 3)], axis=1), axis=0)
     around = np.split(corners[:, 1], np.searchsorted(corners[:, 0], np.arange(1, vertices)))
     shared = {(a, b) for patches in map(np.ndarray.tolist, around) for a in patches for b in patches if a != b}
     return np.array(sorted(shared), np.int64).reshape(-1, 2)
-
-
-def _sides(triangles: NDArray[np.integer]) -> IntArray:
-    """The three edges of each triangle, the lower index first, shape (3 T, 2)."""
-    return np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1).astype(np.int64)
 
 
 def _pairs(firsts: int, room: int) -> Pairs:

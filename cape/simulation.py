@@ -50,10 +50,12 @@ class Forecast(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """The state at some time, and what was known then of how the cloth touches itself."""
+    """The state at some time, and what was known then: how the cloth touches itself, where it is, if it is strained."""
 
     state: tuple[NDArray[np.floating], ...]
     layers: layers.Kept | None
+    center: FloatArray
+    strained: bool
 
 
 class Diverged(RuntimeError):
@@ -110,6 +112,7 @@ class Simulation:
         self.cuts = cuts
         self.jumps = 0
         self._assembly: Assembly | None = None
+        self._center, self._strained = np.zeros(3), False
 
     @property
     def bones(self) -> tuple[str, ...]:
@@ -211,7 +214,7 @@ class Simulation:
             self.jumps += 1
             pose = self._reset(pose) if self.cuts.then == "reset" else self._carry(pose)
         motion = Motion(*self._pose, *pose)
-        self.substeps = self.solver.choose_substeps(self._room, dt, strained=self._is_strained())
+        self.substeps = self.solver.choose_substeps(self._room, dt, strained=self._strained)
         with self._taken_back() as before:
             self._try(motion, dt, before)
         self._pose = pose
@@ -279,7 +282,8 @@ class Simulation:
 
     def _whirls(self) -> bool:
         """Tell whether any vertex is faster than most motions make it; few are, and the step is then worth a check."""
-        return max(float(np.abs(component).max()) for component in self._state[3:]) > WILD
+        *_, slow = whereabouts(*self._state, FARTHEST_LEAP, WILD)
+        return not slow
 
     def _needed_substeps(self, substeps: int, dt: float) -> int:
         """Substeps that a frame of `dt` [s] would have needed, seen after taking it in fewer."""
@@ -288,13 +292,9 @@ class Simulation:
         faces = self.assembly.ranks[0].contacts.faces
         haste = max((float(group.haste[0]) for group in faces or ()), default=0.0)
         needed = math.ceil(substeps * min(haste, MOST_HASTE))
-        if self._is_strained():
+        if self._strained:
             needed = max(needed, self.solver.choose_substeps(self._room, dt, strained=True))
         return needed
-
-    def _is_strained(self) -> bool:
-        springs = self.assembly.springs
-        return bool(is_strained(*self._state[:3], springs.first, springs.second, springs.rest, STRAINED))
 
     def _own_choice(self, dt: float, *, strained: bool = False) -> int:
         """Substeps in `dt` [s] that the solver would choose, whatever was asked for."""
@@ -408,29 +408,35 @@ class Simulation:
         self._pose = self._pose.moved(-shift)
 
     def _sound(self) -> bool:
-        """Tell whether no vertex is farther or faster than anything real."""
+        """Tell whether no vertex is farther or faster than anything real.
+
+        Notes where the cloth is, and whether it is strained.
+        """
         *center, sound = whereabouts(*self._state, FARTHEST_LEAP, FASTEST)
+        springs = self.assembly.springs
         self._center = np.array(center)
+        self._strained = bool(is_strained(*self._state[:3], springs.first, springs.second, springs.rest, STRAINED))
         return sound
 
     @contextmanager
     def _taken_back(self) -> Iterator[Moment]:
         """Keep a copy of the state, and put it back should anything be raised within."""
-        before, center = self._moment(), self._center
+        before = self._moment()
         try:
             yield before
         except BaseException:
             self._restore(before)
-            self._center = center
             raise
 
     def _moment(self) -> Moment:
         known = self.assembly.layers
-        return Moment(tuple(c.copy() for c in self._state), None if known is None else layers.keep(known))
+        kept = None if known is None else layers.keep(known)
+        return Moment(tuple(c.copy() for c in self._state), kept, self._center, self._strained)
 
     def _restore(self, before: Moment) -> None:
         for component, kept in zip(self._state, before.state, strict=True):
             component[:] = kept
+        self._center, self._strained = before.center, before.strained
         if self.assembly.layers is not None and before.layers is not None:
             layers.put_back(self.assembly.layers, before.layers)
 

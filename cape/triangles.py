@@ -89,9 +89,10 @@ def check_mesh(positions: ArrayLike, triangles: ArrayLike, pattern: ArrayLike | 
     return Mesh(points, faces, flat, corners)
 
 
-def edges_of(triangles: IntArray) -> Edges:
+def edges_of(triangles: NDArray[np.integer]) -> Edges:
     """Find the edges of a mesh in which no edge belongs to more than two triangles."""
-    ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    corners = triangles.astype(np.int64)
+    ends = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     vertices, of_side, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
     of_side = of_side.ravel()
     by_edge = np.argsort(of_side, kind="stable")

@@ -48,7 +48,7 @@ def keep_out(lo, hi, s, inverse_mass, earlier, free, groups, faces, m, share, tu
             # At first nothing tells yet which triangles may sleep.
             if faces is not None and turn == 0:
                 collide(lo, hi, free, s, earlier, shapes, m, share, turn, step)
-    again = turn > 0
+    done = faces is not None and turn == 0
     if faces is not None:
         meet(team)
         if is_first(team):
@@ -56,8 +56,8 @@ def keep_out(lo, hi, s, inverse_mass, earlier, free, groups, faces, m, share, tu
                 collide_faces(s, inverse_mass, earlier, group, m, share, turn, step)
         meet(team)
         for group in literal_unroll(faces):
-            again = again or group.pushed[0] == turn
-    if groups is not None and (again or faces is None):
+            done = done and group.pushed[0] != turn
+    if groups is not None and not done:
         for shapes in literal_unroll(groups):
             if is_due(shapes, turn):
                 collide(lo, hi, free, s, earlier, shapes, m, share, turn, step)
