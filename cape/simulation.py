@@ -38,8 +38,6 @@ STRAINED = 0.2  # from which on springs resist across their direction, too, as m
 MOST_HASTE = 8.0  # times as many steps as usual, that are taken for thin colliders that come by fast
 FORECAST_SUBSTEPS = 50
 DEFAULT_CUTS = Cuts()
-VERTICES_OF_A_THREAD = 1500  # at least
-THREADED_VERTICES = 3000  # from which on a second thread gives half as much speed again
 
 
 class Forecast(NamedTuple):
@@ -104,7 +102,7 @@ class Simulation:
             raise ValueRangeError(f"threads must be 1 or more, not {threads}")
         self.scene = scene
         self.solver = solver or SymplecticEuler()
-        self.threads = threads or _threads_for(scene.cloth.vertices)
+        self.threads = threads or team.threads_for(scene.cloth.vertices)
         self.substeps = 0
         self.retried = 0
         self.refined = 0
@@ -446,7 +444,3 @@ def _vector(values: ArrayLike, name: str) -> FloatArray:
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueRangeError(f"the {name} at the start must be three finite numbers, not {values}")
     return vector
-
-
-def _threads_for(vertices: int) -> int:
-    return 1 if vertices < THREADED_VERTICES else min(team.available_cores(), vertices // VERTICES_OF_A_THREAD)
