@@ -225,7 +225,7 @@ def test_a_point_of_a_triangle_is_stopped_by_impulses_on_its_corners(held: tuple
         n /= np.linalg.norm(n)
         m = moving([velocity], spin=[spin], place=[here])
         depth = rng.uniform(0.0, 0.05)
-        speed = faces.respond_on_triangle(s, inverse, *corners, *w, depth, *n, 0, friction, back, most, m)
+        hit = faces.respond_on_triangle(s, inverse, *corners, *w, depth, *n, 0, friction, back, most, m)
         moved, gained = np.stack(s[:3]) - p, np.stack(s[3:]) - v
         others = np.setdiff1d(np.arange(6), [corners[k] for k in range(3) if k not in held])
         np.testing.assert_array_equal(moved[:, others], 0.0)
@@ -240,7 +240,7 @@ def test_a_point_of_a_triangle_is_stopped_by_impulses_on_its_corners(held: tuple
         parts.append(part)
         after = against + gained[:, corners] @ w / part
         inwards = -(against @ n)
-        assert speed == pytest.approx(inwards)
+        assert hit == pytest.approx(inwards)
         if inwards <= 0:
             np.testing.assert_array_equal(gained, 0.0)
         else:
