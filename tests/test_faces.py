@@ -16,7 +16,6 @@ from cape import Box, Capsule, Cloth, Collider, Fabric, MeshCloth, Plane, Scene,
 from cape.colliders import TaperedCapsule
 from cape.contact import STRETCHED, contacts_of
 from cape.kernels import faces
-from cape.kernels.closest import on_triangle
 from cape.kernels.records import State
 from cape.kernels.shapes import MOMENT, Boxes, Capsules, Faces, Shapes, TaperedCapsules, place
 from cape.kernels.watch import JOLT, NEVER, TILE
@@ -42,9 +41,7 @@ DENSE, COARSE = grid_of_weights(60), grid_of_weights(20)
 
 
 def nearest_weights(p: FloatArray, corners: FloatArray) -> FloatArray:
-    a, b, c = corners
-    u, v, _ = on_triangle(*map(float, (*(p - a), *(b - a), *(c - a))))
-    return np.array([1.0 - u - v, u, v])
+    return np.array(faces.weights_of_nearest(*map(float, p), *map(float, corners.ravel())))
 
 
 @settings(deadline=None)  # the first one compiles

@@ -9,7 +9,6 @@ their barycentric weights w: dv_i = w_i / m_i / sum(w_k^2 / m_k) du.
 import math
 
 from cape.kernels.bones import velocity_at
-from cape.kernels.closest import on_triangle
 from cape.kernels.contact import EXIT, GRAZE, PASSES, before, carried, is_fast, stopped, turn_of
 from cape.kernels.jit import driver, inlined
 from cape.kernels.shapes import direction_to_world, into_shape, nearest, place, signed_distance
@@ -39,6 +38,44 @@ STRIDE = 0.45  # of the longest edge that a thin collider may come past it in a 
 FEWEST, MOST = 2, 24  # looks at a triangle's way: for each core's length, and at most
 
 
+@inlined
+def weights_of_nearest(px, py, pz, ax, ay, az, bx, by, bz, cx, cy, cz):
+    """Barycentric weights of a triangle's point nearest to p (Ericson, Real-Time Collision Detection, 5.1.5).
+
+    With `closest.on_triangle` here a sheet on a cube comes to rest at 1.3 mm/s only, instead of 0.7.
+    """
+    ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
+    x, y, z = px - ax, py - ay, pz - az
+    d1, d2 = ux * x + uy * y + uz * z, vx * x + vy * y + vz * z
+    if d1 <= 0.0 and d2 <= 0.0:
+        return 1.0, 0.0, 0.0
+    x, y, z = px - bx, py - by, pz - bz
+    d3, d4 = ux * x + uy * y + uz * z, vx * x + vy * y + vz * z
+    if d3 >= 0.0 and d4 <= d3:
+        return 0.0, 1.0, 0.0
+    vc = d1 * d4 - d3 * d2
+    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0 and d1 > d3:
+        t = d1 / (d1 - d3)
+        return 1.0 - t, t, 0.0
+    x, y, z = px - cx, py - cy, pz - cz
+    d5, d6 = ux * x + uy * y + uz * z, vx * x + vy * y + vz * z
+    if d6 >= 0.0 and d5 <= d6:
+        return 0.0, 0.0, 1.0
+    vb = d5 * d2 - d1 * d6
+    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0 and d2 > d6:
+        t = d2 / (d2 - d6)
+        return 1.0 - t, 0.0, t
+    va = d3 * d6 - d5 * d4
+    if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        side = (d4 - d3) + (d5 - d6)
+        t = (d4 - d3) / side if side > 0.0 else 0.0
+        return 0.0, 1.0 - t, t
+    total = va + vb + vc
+    if total <= 0.0:
+        return 1.0, 0.0, 0.0
+    return va / total, vb / total, vc / total
+
+
 @driver
 def deepest_on_triangle(shapes, c, ax, ay, az, bx, by, bz, cx, cy, cz):
     """The point of a triangle deepest in collider c, all in the collider's frame [m].
@@ -62,8 +99,8 @@ def deepest_on_triangle(shapes, c, ax, ay, az, bx, by, bz, cx, cy, cz):
     way = max(distance + core, 0.1 * core)
     dx, dy, dz, lag = nx, ny, nz, 0.0
     for _ in range(STEPS):
-        q, r, _ = on_triangle(x - way * dx - ax, y - way * dy - ay, z - way * dz - az, ex, ey, ez, fx, fy, fz)
-        p, tx, ty, tz = 1.0 - q - r, ax + q * ex + r * fx, ay + q * ey + r * fy, az + q * ez + r * fz
+        p, q, r = weights_of_nearest(x - way * dx, y - way * dy, z - way * dz, ax, ay, az, bx, by, bz, cx, cy, cz)
+        tx, ty, tz = p * ax + q * bx + r * cx, p * ay + q * by + r * cy, p * az + q * bz + r * cz
         gx, gy, gz = x - tx, y - ty, z - tz
         promised = dx * gx + dy * gy + dz * gz + lag
         if promised < SETTLED:
