@@ -33,6 +33,7 @@ FARTHEST_LEAP = 1e6  # m from the cloth's own origin; the same
 FARTHEST = 1.0  # m from the cloth's middle to the origin that its positions refer to
 RETRIES = 4  # each at half the step or less
 CONVERGENCE_RETRIES = 2  # after which a step that did not converge is kept, and counted
+WHIRL_RETRIES = 3  # after which one that whirls is kept
 WILD = 60.0  # m/s: faster than cloth gets on a body, and a sign that strained springs are too stiff for the step
 STRAINED = 0.2  # from which on springs resist across their direction, too, as much as matters for the step
 MOST_HASTE = 8.0  # times as many steps as usual, that are taken for thin colliders that come by fast
@@ -256,7 +257,7 @@ class Simulation:
         return pose
 
     def _try(self, motion: Motion, dt: float, before: Moment) -> None:
-        """Take a step at half the size for as long as it explodes or, twice, does not converge or whirls."""
+        """Take a step at half the size for as long as it explodes or, a few times, does not converge or whirls."""
         substeps, exploded, refined = self.substeps, False, False
         for attempt in range(RETRIES + 1):
             unconverged, sound = self._complete(motion, dt, substeps, before)
@@ -264,8 +265,8 @@ class Simulation:
                 self._restore(before)
                 substeps, refined = needed, True
                 unconverged, sound = self._complete(motion, dt, substeps, before)
-            settled = unconverged == 0 and not self._whirls()
-            if sound and (settled or attempt >= CONVERGENCE_RETRIES):
+            patience = WHIRL_RETRIES if self._whirls() else CONVERGENCE_RETRIES if unconverged else 0
+            if sound and attempt >= patience:
                 self.retried += exploded
                 self.refined += refined and unconverged == 0
                 self.unconverged += unconverged > 0

@@ -239,3 +239,25 @@ def test_contacts_and_the_deepest_of_each_kind_of_shape(rng: np.random.Generator
     nothing = np.zeros(300, dtype=bool)
     none = measure.touching(*p, nothing, shapes, *bones, still(2), few, of, at)
     assert none == (0.0, -1, 0)
+
+
+@pytest.mark.parametrize("explicit", [False, True], ids=["by its velocity", "from where it was"])
+@pytest.mark.parametrize("kind", [Capsules, TaperedCapsules, Boxes], ids=lambda k: k.__name__)
+def test_what_springs_draw_past_the_middle_in_every_step_gets_out(kind: type[Shapes], explicit: bool):
+    # Springs to both sides draw it farther than to the middle: whichever side it is on, it would leave by the other.
+    step, pull, thickness = 2e-4, 120.0, 0.005
+    sizes = {
+        Capsules: (0.4, 0.1, 0.0, 0.0),
+        TaperedCapsules: tapered_sizes(0.5, 0.1, 0.1),
+        Boxes: (0.1, 0.4, 0.5, 0.0),
+    }[kind]
+    shapes = record(kind, sizes, thickness=thickness)
+    s = state(np.array([[0.018], [0.0], [0.2 if kind is TaperedCapsules else 0.0]]))
+    turns = 2 + int((0.1 + thickness) / (contact.EXIT * step))
+    for turn in range(turns):
+        was = np.stack(s[:3])
+        s.vx[:] = -pull * np.sign(s.x)
+        s.x[:] += step * s.vx
+        collide(0, 1, np.ones(1, bool), s, was if explicit else None, shapes, still(), 1.0, turn, step)
+        assert (np.abs(s.x - was[0]) <= contact.EXIT * step * (1 + ROUNDING)).all()
+    assert np.abs(s.x[0]) == pytest.approx(0.1 + thickness, abs=1e-6)

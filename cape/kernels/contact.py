@@ -34,6 +34,7 @@ EXIT = 3.0  # m/s at which a vertex that is inside leaves
 PASSES = 6  # around the colliders that a vertex is between
 GRAZE = 1e-6  # m, depth that later passes leave alone
 NEAR = 2.0  # steps in which a tile may come to a collider, to be led around it
+DEEP = 0.5  # of a collider's core, beyond which a vertex may be drawn past its middle in a step
 SKIN = 0.25  # share of the thickness in which a way is stopped
 ADVANCES = 32  # along a way
 ARRIVED = 1e-5  # m from the skin
@@ -81,8 +82,11 @@ def respond(i, depth, nx, ny, nz, bone, friction, step, most, m, s):
 
 
 @inlined
-def leave(start, end, free, s, shapes, c, thickness, step, most, m):
+def leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m):
     """Stop the free ones of vertices start to end that are within `thickness` [m] of collider c, as `gaps` tells.
+
+    One that is deep leaves by the side on which it was when the step began: strained springs may draw it past the
+    middle in every step, to and fro.
 
     Returns the highest speed [m/s] into the surface, 0 where they move out of it, and -1 where none is as near.
     """
@@ -91,11 +95,31 @@ def leave(start, end, free, s, shapes, c, thickness, step, most, m):
     for i in range(start, end):
         if shapes.gaps[i - start] < 0.0 and free[i]:
             distance, nx, ny, nz = distance_to(shapes, c, s.x[i], s.y[i], s.z[i])
+            if distance < -DEEP * collider.core:
+                distance, nx, ny, nz = from_where_it_came(i, s, earlier, shapes, c, step, m)
             speed = respond(
                 i, thickness - distance, nx, ny, nz, collider.bone, collider.friction, step, most, m, s
             )  # fmt: skip
             hardest = max(hardest, max(speed, 0.0))
     return hardest
+
+
+@inlined
+def from_where_it_came(i, s, earlier, shapes, c, step, m):
+    """Distance of vertex i from the plane by which it was nearest to collider c's outside when the step began.
+
+    Less than nothing as deep as it is behind that plane; returns the normal there, too.
+    """
+    b, r = shapes.colliders[c].bone, shapes.colliders[c].placed
+    sine, cosine, wx, wy, wz = turn_of(b, step, m)
+    x, y, z = before(s, i, step, earlier)
+    x, y, z = carried(x, y, z, b, sine, cosine, wx, wy, wz, step, m)
+    x, y, z = into_shape(r, x, y, z)
+    distance, nx, ny, nz = nearest(shapes, c, x, y, z)
+    ex, ey, ez = into_shape(r, s.x[i], s.y[i], s.z[i])
+    distance += nx * (ex - x) + ny * (ey - y) + nz * (ez - z)
+    nx, ny, nz = direction_to_world(r, nx, ny, nz)
+    return distance, nx, ny, nz
 
 
 @inlined
@@ -231,7 +255,7 @@ def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
                 hot[0] += 1
                 hot[hot[0]] = c
             if inside > 0:
-                hardest = max(hardest, leave(start, end, free, s, shapes, c, thickness, step, most, m))
+                hardest = max(hardest, leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m))
             # Contact forces, where there are any, begin at the whole thickness.
             wake = turn + nap(gap + thickness - shapes.colliders[c].thickness, speed, step)
             shapes.wake[tile, k - 1] = wake
@@ -239,14 +263,14 @@ def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
         shapes.next[tile] = soonest
         due = min(due, soonest)
         if hardest >= 0.0 and hot[0] > 1:
-            lead_out(start, end, free, s, shapes, share, step, most, m)
+            lead_out(start, end, free, s, earlier, shapes, share, step, most, m)
         if hardest > JOLT:
             alarm(shapes, tile, turn)
     shapes.clock[DUE] = due
 
 
 @driver
-def lead_out(start, end, free, s, shapes, share, step, most, m):
+def lead_out(start, end, free, s, earlier, shapes, share, step, most, m):
     """Lead vertices start to end around all hot colliders."""
     hot = shapes.hot
     for _ in range(PASSES):
@@ -255,7 +279,7 @@ def lead_out(start, end, free, s, shapes, share, step, most, m):
             c = hot[k]
             thickness = share * shapes.colliders[c].thickness - GRAZE
             inside, _ = look(shapes, c, s, start, end, thickness)
-            if inside > 0 and leave(start, end, free, s, shapes, c, thickness, step, most, m) >= 0.0:
+            if inside > 0 and leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m) >= 0.0:
                 clear = False
         if clear:
             break
