@@ -257,7 +257,7 @@ class Simulation:
         return pose
 
     def _try(self, motion: Motion, dt: float, before: Moment) -> None:
-        """Take a step at half the size for as long as it explodes or, a few times, does not converge or whirls."""
+        """Take a step at half the size while it explodes, a few times at most if it whirls or does not converge."""
         substeps, exploded, refined = self.substeps, False, False
         for attempt in range(RETRIES + 1):
             unconverged, sound = self._complete(motion, dt, substeps, before)

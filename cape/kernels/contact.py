@@ -111,10 +111,7 @@ def from_where_it_came(i, s, earlier, shapes, c, step, m):
     Less than nothing as deep as it is behind that plane; returns the normal there, too.
     """
     b, r = shapes.colliders[c].bone, shapes.colliders[c].placed
-    sine, cosine, wx, wy, wz = turn_of(b, step, m)
-    x, y, z = before(s, i, step, earlier)
-    x, y, z = carried(x, y, z, b, sine, cosine, wx, wy, wz, step, m)
-    x, y, z = into_shape(r, x, y, z)
+    x, y, z = at_start(i, s, earlier, b, r, turn_of(b, step, m), step, m)
     distance, nx, ny, nz = nearest(shapes, c, x, y, z)
     ex, ey, ez = into_shape(r, s.x[i], s.y[i], s.z[i])
     distance += nx * (ex - x) + ny * (ey - y) + nz * (ez - z)
@@ -155,6 +152,15 @@ def carried(x, y, z, bone, sine, cosine, wx, wy, wz, step, m):
 
 
 @inlined
+def at_start(i, s, earlier, bone, placed, turned, step, m):
+    """Where vertex i was at the start of the step in the frame that a shape had then, `turned` by `turn_of` since."""
+    sine, cosine, wx, wy, wz = turned
+    x, y, z = before(s, i, step, earlier)
+    x, y, z = carried(x, y, z, bone, sine, cosine, wx, wy, wz, step, m)
+    return into_shape(placed, x, y, z)
+
+
+@inlined
 def hit(shapes, c, x, y, z, dx, dy, dz, way, skin):
     """Share of a way from (x, y, z) along d, `way` [m] long, at which it comes within `skin` of collider c's surface.
 
@@ -186,14 +192,12 @@ def sweep(start, end, free, s, earlier, shapes, c, thickness, step, m):
     """
     hardest = -1.0
     b, r = shapes.colliders[c].bone, shapes.colliders[c].placed
-    sine, cosine, wx, wy, wz = turn_of(b, step, m)
+    turned = turn_of(b, step, m)
     skin = SKIN * thickness
     for i in range(start, end):
         if not free[i]:
             continue
-        x, y, z = before(s, i, step, earlier)
-        x, y, z = carried(x, y, z, b, sine, cosine, wx, wy, wz, step, m)
-        x, y, z = into_shape(r, x, y, z)
+        x, y, z = at_start(i, s, earlier, b, r, turned, step, m)
         ex, ey, ez = into_shape(r, s.x[i], s.y[i], s.z[i])
         dx, dy, dz = ex - x, ey - y, ez - z
         way = math.sqrt(dx * dx + dy * dy + dz * dz)

@@ -2,12 +2,14 @@
 
     python tests/bench/team.py [capes]
 
-A meeting of two ranks, inside one compiled loop; the launch of a team that does nothing, over a plain call; a step of a
-single substep, which is nearly all Python and holds the interpreter's lock; and the throughput of a batch on two
-threads over that on one, beside what the machine gives two threads that share nothing. Times are minima of repeats,
-ratios are medians over the frames before which the machine had two cores to give.
+A meeting of two ranks, inside one compiled loop, and of two and three beside a process that never rests; the launch of
+a team that does nothing, over a plain call; a step of a single substep, which is nearly all Python and holds the
+interpreter's lock; and the throughput of a batch on two threads over that on one, beside what the machine gives two
+threads that share nothing. Times are minima of repeats, ratios are medians over the frames before which the machine
+had two cores to give.
 """
 
+import subprocess
 import sys
 import threading
 import time
@@ -22,7 +24,7 @@ from cape.kernels.team import meet
 from cape.scenes import plain
 from cape.team import run
 
-MEETINGS = 10_000
+MEETINGS, FEW = 10_000, 500
 QUIET = 0.2  # how far the throughput of two threads that share nothing may be from 2, for a ratio to count
 
 
@@ -69,6 +71,12 @@ def main(capes: int = 64) -> None:
     print(f"meeting of two ranks      {many / MEETINGS * 1e9:8.0f} ns")
     alone, two = (seconds(lambda size=size: run(meet_often, lambda team: (1, team), size), 2000) for size in (1, 2))
     print(f"launch of two ranks       {(two - alone) * 1e6:8.1f} us")
+
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as restless:
+        for ranks in (2, 3):
+            few = seconds(lambda ranks=ranks: run(meet_often, lambda team: (FEW, team), ranks), 5)
+            print(f"meeting of {ranks}, one core busy {few / FEW * 1e6:6.1f} us")
+        restless.kill()
 
     scene, track = plain(seconds=2.0).scene, plain(seconds=2.0).track
     chosen = [track.index(bone) for bone in scene.bones]
