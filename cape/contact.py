@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cape.cloth import Cloth, MeshCloth, areas
 from cape.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
 from cape.kernels import shapes
-from cape.kernels.faces import CHUNK, GROUP
+from cape.kernels.faces import CHUNK, GROUP, SEEN
 from cape.kernels.records import Contacts
 from cape.kernels.shapes import COLLIDER, Faces, Shapes
 from cape.kernels.watch import TILE
@@ -159,7 +159,7 @@ def _faces(group: Shapes, layouts: Sequence[Layout], cloth: Cloth) -> Faces | No
         wake=np.zeros((len(starts), len(group.colliders)), np.int64),
         next=np.zeros(len(starts), np.int64),
         due=np.zeros(-(-len(starts) // CHUNK), np.int64),
-        gaps=np.zeros(GROUP),
+        seen=np.zeros(SEEN),
         haste=np.zeros(1),
         pushed=np.zeros(1, np.int64),
     )

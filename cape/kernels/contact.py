@@ -254,11 +254,11 @@ def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
             thickness = share * shapes.colliders[c].thickness
             if is_fast(speed * step, shapes.colliders[c].core):
                 hardest = max(hardest, sweep(start, end, free, s, earlier, shapes, c, thickness, step, m))
-            inside, gap = look(shapes, c, s, start, end, thickness)
+            gap = look(shapes, c, s, start, end, thickness)
             if gap < NEAR * (speed + GAIN) * step:
                 hot[0] += 1
                 hot[hot[0]] = c
-            if inside > 0:
+            if gap < 0.0:
                 hardest = max(hardest, leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m))
             # Contact forces, where there are any, begin at the whole thickness.
             wake = turn + nap(gap + thickness - shapes.colliders[c].thickness, speed, step)
@@ -282,8 +282,9 @@ def lead_out(start, end, free, s, earlier, shapes, share, step, most, m):
         for k in range(1, hot[0] + 1):
             c = hot[k]
             thickness = share * shapes.colliders[c].thickness - GRAZE
-            inside, _ = look(shapes, c, s, start, end, thickness)
-            if inside > 0 and leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m) >= 0.0:
+            if look(shapes, c, s, start, end, thickness) >= 0.0:
+                continue
+            if leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m) >= 0.0:
                 clear = False
         if clear:
             break

@@ -11,7 +11,7 @@ import math
 from cape.kernels.bones import velocity_at
 from cape.kernels.contact import EXIT, GRAZE, PASSES, at_start, is_fast, stopped, turn_of
 from cape.kernels.jit import driver, inlined
-from cape.kernels.shapes import direction_to_world, into_shape, nearest, place, signed_distance
+from cape.kernels.shapes import direction_to_world, into_shape, nearest, numbers_of, place, signed_distance
 from cape.kernels.watch import (
     GAIN,
     JOLT,
@@ -19,13 +19,16 @@ from cape.kernels.watch import (
     TILE,
     alarm,
     approach,
+    from_order,
     is_alarmed,
     nap,
     spread_of,
+    to_order,
     were_alarmed,
 )
 
 GROUP = 8  # triangles that are watched together
+SEEN = 10 * GROUP  # numbers noted of one
 CHUNK = 16  # groups
 THIRD = 1.0 / 3.0
 SHARE = 0.5  # of the thickness: vertices at all of it hold most triangles off without any help
@@ -245,17 +248,17 @@ def collide_group(s, inverse_mass, earlier, faces, group, c, m, share, step):
     speed = approach(s, mid, far + faces.longest, 2.0 * fast, shapes.colliders[c].bone, m)
     start, end = faces.starts[group], faces.starts[group + 1]
     most = SLOWER * EXIT * step / (1 + PASSES)
-    inside, gap = look_at_group(faces, start, end, s, shapes, c, thickness)
+    gap = look_at_group(faces, start, end, s, shapes, c, thickness)
     follow = is_fast(speed * step, shapes.colliders[c].core)
     if follow:
         past = step * approach(s, mid, 0.0, 0.0, shapes.colliders[c].bone, m)
         if gap < past:
             faces.haste[0] = max(faces.haste[0], past / max(shapes.colliders[c].core, STRIDE * faces.longest))
     hardest = 0.0
-    if inside > 0 or follow:
+    if gap < 0.0 or follow:
         gap = math.inf
         for f in range(start, end):
-            least = faces.gaps[f - start]
+            least = faces.seen[f - start]
             if least < 0.0 or follow:
                 least, inwards = collide_face(
                     f, s, inverse_mass, earlier, faces.corners, shapes, c, thickness, m, step, most, follow
@@ -271,23 +274,28 @@ def look_at_group(faces, start, end, s, shapes, c, thickness):
 
     A convex function lies above its tangents: here the one at a triangle's middle.
     """
-    r, sizes, gaps, corners = shapes.colliders[c].placed, shapes.colliders[c].sizes, faces.gaps, faces.corners
+    corners, seen = faces.corners, faces.seen
     x, y, z = s.x, s.y, s.z
-    e, f, g, h = sizes[0], sizes[1], sizes[2], sizes[3]
-    inside, least = 0, math.inf
-    for k in range(end - start):
-        i, j, n = corners[0, start + k], corners[1, start + k], corners[2, start + k]
+    placed, (e, f, g, h) = numbers_of(shapes, c)
+    # Vector units gather slowly, but work on a whole group at once: its last triangle stands in for those it lacks.
+    for k in range(GROUP):
+        t = min(start + k, end - 1)
+        i, j, n = corners[0, t], corners[1, t], corners[2, t]
         mx, my, mz = (x[i] + x[j] + x[n]) * THIRD, (y[i] + y[j] + y[n]) * THIRD, (z[i] + z[j] + z[n]) * THIRD
-        px, py, pz = into_shape(r, mx, my, mz)
+        seen[GROUP + k], seen[2 * GROUP + k], seen[3 * GROUP + k] = mx, my, mz
+        seen[4 * GROUP + k], seen[5 * GROUP + k], seen[6 * GROUP + k] = x[i] - mx, y[i] - my, z[i] - mz
+        seen[7 * GROUP + k], seen[8 * GROUP + k], seen[9 * GROUP + k] = x[j] - mx, y[j] - my, z[j] - mz
+    least = to_order(math.inf)
+    for k in range(GROUP):
+        px, py, pz = into_shape(placed, seen[GROUP + k], seen[2 * GROUP + k], seen[3 * GROUP + k])
         distance, nx, ny, nz = signed_distance(shapes, px, py, pz, e, f, g, h)
-        nx, ny, nz = direction_to_world(r, nx, ny, nz)
-        first = nx * (x[i] - mx) + ny * (y[i] - my) + nz * (z[i] - mz)
-        second = nx * (x[j] - mx) + ny * (y[j] - my) + nz * (z[j] - mz)
+        nx, ny, nz = direction_to_world(placed, nx, ny, nz)
+        first = nx * seen[4 * GROUP + k] + ny * seen[5 * GROUP + k] + nz * seen[6 * GROUP + k]
+        second = nx * seen[7 * GROUP + k] + ny * seen[8 * GROUP + k] + nz * seen[9 * GROUP + k]
         gap = distance + min(first, min(second, -first - second)) - thickness
-        gaps[k] = gap
-        inside += 1 if gap < 0.0 else 0
-        least = min(least, gap)
-    return inside, least
+        seen[k] = gap
+        least = min(least, to_order(gap))
+    return from_order(least)
 
 
 @driver

@@ -91,8 +91,7 @@ def press_group(lo, hi, shapes, free, substep, least, rate, m, s, work, inertia,
             c = shapes.active[k]
             place(shapes, c, m.positions, m.matrices)
             thickness = shapes.colliders[c].thickness
-            inside, _ = look(shapes, c, s, start, end, thickness)
-            if inside == 0:
+            if look(shapes, c, s, start, end, thickness) >= 0.0:
                 continue
             for i in range(start, end):
                 if shapes.gaps[i - start] < 0.0 and free[i]:
@@ -136,5 +135,5 @@ def _look_around(lo, hi, shapes, m, s, step):
             c = shapes.active[k]
             place(shapes, c, m.positions, m.matrices)
             speed = approach(s, mid, far, fast, shapes.colliders[c].bone, m)
-            _, gap = look(shapes, c, s, start, end, shapes.colliders[c].thickness)
+            gap = look(shapes, c, s, start, end, shapes.colliders[c].thickness)
             shapes.wake[tile, k - 1] = nap(gap, speed, step) - 1

@@ -82,9 +82,9 @@ class Faces(NamedTuple):
 
     `corners` (3, F) are vertices; those of group g of triangles, from `starts` (G + 1,) g to g + 1, hang on vertices of
     the same one of the `tiles` (G,), by edges of at most `longest` [m]. Notes: for each group `wake` (G, C) and `next`
-    (G,), as for the tiles in Shapes; `due`, the first of those of each chunk of groups; `gaps` [m], how far a group's
-    triangles are off; `haste`, how far a collider came past triangles in one step at most, as a share of what contact
-    can follow; `pushed`, the last turn in which any of them touched.
+    (G,), as for the tiles in Shapes; `due`, the first of those of each chunk of groups; `seen`, of the group
+    that is looked at, how far each triangle is off [m], and scratch; `haste`, how far a collider came past triangles
+    in one step at most, as a share of what contact can follow; `pushed`, the last turn in which any of them touched.
     """
 
     shapes: Shapes
@@ -95,7 +95,7 @@ class Faces(NamedTuple):
     wake: NDArray[np.int64]
     next: NDArray[np.int64]
     due: NDArray[np.int64]
-    gaps: Array
+    seen: Array
     haste: Array
     pushed: NDArray[np.int64]
 
@@ -148,6 +148,14 @@ def _place(collider, position, m):
         out[9 + i] = position[i] + m[i, 0] * origin[0] + m[i, 1] * origin[1] + m[i, 2] * origin[2]
         for j in range(3):
             out[3 * i + j] = m[i, 0] * frame[0, j] + m[i, 1] * frame[1, j] + m[i, 2] * frame[2, j]
+
+
+@inlined
+def numbers_of(shapes, c):
+    """Where collider c is placed, as `placed`, and its sizes, both out of memory: loops over points then vectorise."""
+    r, sizes = shapes.colliders[c].placed, shapes.colliders[c].sizes
+    placed = r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11]
+    return placed, (sizes[0], sizes[1], sizes[2], sizes[3])
 
 
 @driver

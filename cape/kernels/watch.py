@@ -12,7 +12,7 @@ import numpy as np
 
 from cape.kernels.bones import velocity_at
 from cape.kernels.jit import driver, inlined
-from cape.kernels.shapes import DUE, MOMENT, distance_to, place, signed_distance
+from cape.kernels.shapes import DUE, MOMENT, distance_to, into_shape, numbers_of, place, signed_distance
 
 TILE = 32  # vertices: smaller tiles meet fewer colliders, larger ones cost fewer calls
 GAIN = 4.0  # m/s that the speed between a tile and a collider may grow by while the pair sleeps,
@@ -97,25 +97,21 @@ def begin(lo, hi, s, shapes, m, duration):
 
 @inlined
 def look(shapes, c, s, start, end, thickness):
-    """Tell how many vertices start to end are within `thickness` [m] of collider c, and how far the nearest is beyond.
+    """Tell how far the nearest of vertices start to end is beyond `thickness` [m] from collider c, below 0 within it.
 
-    `shapes.gaps` are set to how far each is beyond [m].
+    `shapes.gaps` are set to how far each is [m].
     """
-    r, sizes, gaps = shapes.colliders[c].placed, shapes.colliders[c].sizes, shapes.gaps
+    gaps = shapes.gaps
     x, y, z = s.x[start:end], s.y[start:end], s.z[start:end]
-    ax, ay, az, bx, by, bz, cx, cy, cz = r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]
-    ox, oy, oz = r[9], r[10], r[11]
-    e, f, g, h = sizes[0], sizes[1], sizes[2], sizes[3]
-    inside, least = 0, to_order(math.inf)
+    placed, (e, f, g, h) = numbers_of(shapes, c)
+    least = to_order(math.inf)
     for i in range(end - start):
-        px, py, pz = x[i] - ox, y[i] - oy, z[i] - oz
-        px, py, pz = ax * px + bx * py + cx * pz, ay * px + by * py + cy * pz, az * px + bz * py + cz * pz
+        px, py, pz = into_shape(placed, x[i], y[i], z[i])
         distance, _, _, _ = signed_distance(shapes, px, py, pz, e, f, g, h)
         gap = distance - thickness
         gaps[i] = gap
-        inside += 1 if gap < 0.0 else 0
         least = min(least, to_order(gap))
-    return inside, from_order(least)
+    return from_order(least)
 
 
 @inlined
