@@ -190,16 +190,17 @@ def test_what_exploded_and_then_does_not_converge_is_kept(monkeypatch: pytest.Mo
     simulation = Simulation(hanging())
     simulation.start(swing(0.0))
     tries: list[int] = []
-    advance = simulation._advance
+    cloth = simulation._started
+    advance = cloth.advance
 
     def unsettled(motion, duration: float, substeps: int) -> int:
         advance(motion, duration, substeps)
         tries.append(substeps)
         if len(tries) == 3:
-            simulation._state.z[-1] = np.nan
+            cloth.state.z[-1] = np.nan
         return 1
 
-    monkeypatch.setattr(simulation, "_advance", unsettled)
+    monkeypatch.setattr(cloth, "advance", unsettled)
     simulation.step(swing(1 / 60), 1 / 60)
     assert len(tries) == 4
     assert np.isfinite(simulation.positions).all()
