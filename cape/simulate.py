@@ -112,7 +112,7 @@ def simulate(
     readings = readings[:frames]
     take = Take(
         name=name,
-        bones=_first_frames(track, frames),
+        bones=track.first(frames),
         colliders=tuple(scene.colliders),
         triangles=scene.cloth.triangles,
         texcoords=scene.cloth.texcoords,
@@ -198,16 +198,3 @@ def _first_motion(scene: Scene, track: BoneTrack) -> tuple[FloatArray, FloatArra
     before, after = track.rotations_wxyz[0, held], track.rotations_wxyz[1, held]
     turns = quaternions.to_rotation_vector(quaternions.multiply(after, quaternions.conjugate(before)))
     return velocity, turns.mean(axis=0) / step
-
-
-def _first_frames(track: BoneTrack, frames: int) -> BoneTrack:
-    if frames == track.frames:
-        return track
-    return BoneTrack(
-        track.names,
-        track.times[:frames],
-        track.positions[:frames],
-        track.rotations_wxyz[:frames],
-        track.parents,
-        track.roles,
-    )

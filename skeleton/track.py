@@ -138,6 +138,21 @@ class BoneTrack:
             {role: bone for role, bone in self.roles.items() if bone in names},
         )
 
+    def first(self, frames: int) -> "BoneTrack":
+        """The track of the first frames, all of them where there are no more.
+
+        Raises:
+            ValueRangeError: no frame would be left.
+        """
+        return BoneTrack(
+            self.names,
+            self.times[: max(frames, 0)],
+            self.positions[: max(frames, 0)],
+            self.rotations_wxyz[: max(frames, 0)],
+            self.parents,
+            self.roles,
+        )
+
     def at(self, frame: int) -> tuple[FloatArray, FloatArray]:
         """Poses at a frame, negative from the end: positions [m], shape (B, 3), and rotations_wxyz, shape (B, 4).
 
