@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cape import Simulation, SymplecticEuler
 from cape.cloth import GridCloth
 from cape.scenes import FPS, STANDARD_SCENES, standard_scene, worn
 from motions.errors import UnknownNameError
@@ -14,8 +15,7 @@ def test_a_named_scene_builds_and_its_track_moves_all_its_bones(name: str):
     assert standard.name == name
     for bone in standard.scene.bones:
         standard.track.index(bone)  # raises for a bone that it lacks
-    # A cloth that nothing touches, and no other, moves smoothly.
-    assert standard.smooth == (not standard.scene.colliders)
+    assert standard.smooth == (name in ("swing", "stiff"))
     # What repeats a second of the motion begins after the first.
     assert standard.track.times[-1] >= 2.0
 
@@ -25,13 +25,27 @@ def test_an_unknown_name_is_refused_with_those_that_exist():
         standard_scene("hop")
 
 
-def test_the_swing_sets_out_from_rest_and_shakes_by_15_cm_once_a_second():
+def test_the_swing_sets_out_from_rest_and_goes_forth_and_back_by_15_cm_in_two_seconds():
     x = standard_scene("swing").track.positions[:, 0, 0]
-    # The ramp, r = 4 t, is at most 10 r^3 and the sine at most its angle: no kink at the start.
-    assert 0.0 < x[1] <= 0.15 * 10.0 * (4.0 / FPS) ** 3 * 2.0 * np.pi / FPS
-    quarter = round(FPS / 4)
+    # The ramp, r = 2 t, is at most 10 r^3 and the sine at most its angle: no kink at the start.
+    assert 0.0 < x[1] <= 0.15 * 10.0 * (2.0 / FPS) ** 3 * np.pi / FPS
+    quarter = round(FPS / 2)
     np.testing.assert_allclose(x[quarter :: 4 * quarter], 0.15)
     np.testing.assert_allclose(x[3 * quarter :: 4 * quarter], -0.15)
+
+
+def test_what_is_called_smooth_hardly_depends_on_where_it_starts():
+    standard = standard_scene("swing")
+    track, ends = standard.track, []
+    for nudge in (0.0, 1e-9):
+        simulation = Simulation(standard.scene, solver=SymplecticEuler(precision="double"))
+        simulation.start({"rod": (track.positions[0, 0], track.rotations_wxyz[0, 0])})
+        simulation.disturb(nudge * np.random.default_rng(1).standard_normal(simulation.positions.shape))
+        for frame in range(1, track.frames):
+            simulation.step({"rod": (track.positions[frame, 0], track.rotations_wxyz[frame, 0])}, 1.0 / FPS)
+        ends.append(simulation.positions)
+    # Where a sheet buckles, as this one would at twice the frequency, a nanometre becomes centimetres.
+    assert np.abs(ends[1] - ends[0]).max() < 1e4 * 1e-9
 
 
 @pytest.mark.parametrize("name", ["sphere", "cube"])

@@ -32,7 +32,7 @@ def sheet(vertices: int, layout: str = "grid", *, fabric: Fabric | None = None) 
 
     A free sheet of springs, damping and bending, whose top edge is shaken; no contact, no wind.
     """
-    swinging = swing(spacing=_spacing(vertices), fabric=fabric, seconds=SECONDS)
+    swinging = swing(spacing=_spacing(vertices), fabric=fabric or Fabric(), seconds=SECONDS)
     return swinging if layout == "grid" else replace(swinging, scene=as_mesh(swinging.scene))
 
 
