@@ -1,4 +1,4 @@
-"""Fixtures that several test files share."""
+"""Fixtures that several test files share, and the order of the files."""
 
 import os
 import signal
@@ -11,6 +11,15 @@ from hypothesis import settings
 settings.register_profile("repeat", derandomize=True)
 settings.register_profile("search", max_examples=1000, deadline=None)
 settings.load_profile("repeat")
+
+# Files that take minutes: begun last, one of them would leave all cores but one with nothing to do.
+LONG = ("test_solvers.py", "test_fuzz_contact.py", "test_limbs.py", "test_implicit.py", "test_self_contact.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that take longest."""
+    places = {name: place for place, name in enumerate(LONG)}
+    items.sort(key=lambda item: places.get(item.path.name, len(LONG)))
 
 
 @pytest.fixture(scope="session")

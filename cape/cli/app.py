@@ -143,5 +143,22 @@ def bench(
     return measure(quick=quick, json=json, output=output)
 
 
+@app.command()
+def report(
+    output: Annotated[Path, typer.Option("-o", "--output", help="A folder for all files; made if needed.")] = Path(
+        "report"
+    ),
+    quick: Annotated[bool, typer.Option("--quick", help="Three scenes, shorter motions, fewer settings.")] = False,
+    scene: Annotated[
+        list[str] | None, typer.Option("--scene", help="Only this standard scene; may be repeated.")
+    ] = None,
+    solver: Annotated[list[str] | None, typer.Option("--solver", help="Only this solver; may be repeated.")] = None,
+) -> int:
+    """Measure error against run time of every solver: a page, diagrams, report.json, and recordings side by side."""
+    from cape.cli.report import report as measure
+
+    return measure(output=output, quick=quick, scenes=tuple(scene or ()), solvers=tuple(solver or ()))
+
+
 def _split(layers: str | None) -> list[str] | None:
     return None if layers is None else [name.strip() for name in layers.split(",") if name.strip()]

@@ -1,14 +1,10 @@
 """`cape bench`: what the solvers cost on this machine."""
 
 import json as json_format
-import os
 import sys
-from collections.abc import Callable
-from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from cape.bench import FULL, QUICK, Report, run
@@ -16,15 +12,17 @@ from cape.bench.plain import AIM_MS
 from cape.bench.plot import require_matplotlib, save_plot
 from cape.bench.rows import Row
 from cape.bench.run import LINEAR
+from cape.cli.measuring import require_folder, sections
 from cape.cli.rows import print_rows
-from motions.errors import FileError, UserError
+from cape.report.files import write_text
+from motions.errors import UserError
 
 
 def bench(*, quick: bool, json: bool, output: Path | None) -> int:
     """Measure, print, and write what is asked for; gives the exit status."""
     if output is not None:
-        _require_folder(output)
-    with _progress(Console(stderr=True)) as told:
+        require_folder(output)
+    with sections() as told:
         report = run(QUICK if quick else FULL, told)
     facts = json_format.dumps(report.as_json(), indent=None if json else 1)
     if json:
@@ -32,21 +30,9 @@ def bench(*, quick: bool, json: bool, output: Path | None) -> int:
     else:
         _print_report(report)
     if output is not None:
-        (output / "bench.json").write_text(facts + "\n")
+        write_text(output / "bench.json", facts + "\n")
         _plot(report, output / "bench.png")
     return 0
-
-
-def _require_folder(folder: Path) -> None:
-    """Check where to write before anything is measured.
-
-    Raises:
-        FileError: there is no such folder, or it can't be written.
-    """
-    if not folder.is_dir():
-        raise FileError(f"can't write to {folder}: there is no such folder")
-    if not os.access(folder, os.W_OK):
-        raise FileError(f"can't write to {folder}: it is not writable")
 
 
 def _plot(report: Report, path: Path) -> None:
@@ -56,20 +42,6 @@ def _plot(report: Report, path: Path) -> None:
         print(f"no plot: {error}", file=sys.stderr)
         return
     save_plot(report, path)
-
-
-@contextmanager
-def _progress(console: Console):
-    """Show the section and a bar, on a terminal only."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty()) as progress:
-        task = progress.add_task("", total=None)
-
-        def told(section: str, steps: int) -> Callable[[], None]:
-            progress.reset(task, description=section, total=steps)
-            return lambda: progress.advance(task)
-
-        yield told
 
 
 def _print_report(report: Report) -> None:

@@ -25,7 +25,8 @@ def _stamp_of_all_kernels() -> str:
     return digest.hexdigest()
 
 
-_STAMP = _stamp_of_all_kernels()
+STAMP = _stamp_of_all_kernels()
+"""Tells versions of the kernels apart."""
 
 
 class _NoAliasCompiler(_FunctionCompiler):
@@ -73,5 +74,5 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     if dispatcher is function:  # as it is with the compiler off (NUMBA_DISABLE_JIT=1)
         return function
     # numba looks at the function's own file alone, and would go on with stale code after a change in another one.
-    dispatcher._cache._cache_file._source_stamp = _STAMP
+    dispatcher._cache._cache_file._source_stamp = STAMP
     return dispatcher

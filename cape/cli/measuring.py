@@ -1,0 +1,39 @@
+"""What commands that measure for minutes share: a bar for each section, and a look at the folder beforehand."""
+
+import os
+import sys
+from collections.abc import Callable
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from motions.errors import FileError
+
+
+def require_folder(folder: Path) -> None:
+    """Check where to write before anything is measured.
+
+    Raises:
+        FileError: there is no such folder, or it can't be written.
+    """
+    if not folder.is_dir():
+        raise FileError(f"can't write to {folder}: there is no such folder")
+    if not os.access(folder, os.W_OK):
+        raise FileError(f"can't write to {folder}: it is not writable")
+
+
+@contextmanager
+def sections():
+    """Show the section and a bar, on a terminal only."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty()) as progress:
+        task = progress.add_task("", total=None)
+
+        def told(section: str, steps: int) -> Callable[[], None]:
+            progress.reset(task, description=section, total=steps)
+            return lambda: progress.advance(task)
+
+        yield told

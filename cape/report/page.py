@@ -1,0 +1,204 @@
+"""The report as a page that is read in a minute: Markdown, and the same as HTML."""
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from cape.bench.plot import NAMES
+from cape.report.accuracy import LAST
+from cape.report.cases import CASES, JITTER
+from cape.report.files import write_text
+from cape.report.run import Report, Scene
+from cape.report.stability import DEGRADES, FAILS, GROWTH, PASSES, PATIENCE, PENETRATION, Outcome
+from cape.report.sweep import Row
+from cape.report.trajectory import WINDOW
+
+ACCURACIES_MM = (10.0, 3.0, 1.0, 0.3)
+SIGNS = {PASSES: "\N{LARGE GREEN CIRCLE}", DEGRADES: "\N{LARGE YELLOW CIRCLE}", FAILS: "\N{LARGE RED CIRCLE}"}
+STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 1100px; margin: 2em auto; padding: 0 1em; color: #222 }
+table { border-collapse: collapse; margin: 1em 0 }
+th, td { padding: 3px 10px; border-bottom: 1px solid #ddd; text-align: left }
+td { font-variant-numeric: tabular-nums }
+img { max-width: 100% }
+"""
+
+
+def markdown(report: Report, *, pictures: bool, recordings: bool, command: str) -> str:
+    """The page.
+
+    Args:
+        report: what to show.
+        pictures: whether there is NAME.png for each scene.
+        recordings: whether there is NAME.rrd for each scene.
+        command: that made it.
+    """
+    machine, versions = report.machine, ", ".join(f"{name} {v}" for name, v in report.versions.items())
+    lines = [
+        "# What a time step costs, and what it is worth",
+        "",
+        f"`{command}` on {machine['processor'] or machine['architecture']}, one thread; {versions}.",
+        "",
+        "## Which solver for which accuracy",
+        "",
+        "The fastest setting whose error is at most so large, and how many times faster than real time it is. "
+        "Where contact or buckling make single trajectories diverge, the error is what a run gathers "
+        f"within {WINDOW:g} s from states of the reference.",
+        "",
+        *_table(
+            ["scene", "error of", *(f"{mm:g} mm" for mm in ACCURACIES_MM)],
+            [[scene.name, _measure(scene), *_choices(scene)] for scene in report.scenes],
+        ),
+    ]
+    lines += ["", *_stability(report)]
+    for scene in report.scenes:
+        lines += ["", *_section(scene, pictures=pictures, recordings=recordings)]
+    lines += ["", *_notes()]
+    return "\n".join(lines) + "\n"
+
+
+def html(text: str) -> str:
+    """The page as HTML."""
+    from markdown_it import MarkdownIt
+
+    body = MarkdownIt("commonmark").enable("table").render(text)
+    title = "What a time step costs"
+    return f"<!doctype html>\n<meta charset='utf-8'>\n<title>{title}</title>\n<style>{STYLE}</style>\n{body}"
+
+
+def choice(scene: Scene, accuracy_mm: float) -> Row | None:
+    """The fastest run of a scene that is as accurate [mm]; None where there is none or the reference is not surer."""
+    if not _error(scene, scene.uncertainty) <= accuracy_mm:
+        return None
+    good = [row for row in scene.rows if row.finished and _error(scene, row) <= accuracy_mm]
+    return min(good, key=lambda row: row.seconds_per_second, default=None)
+
+
+def _choices(scene: Scene) -> list[str]:
+    result = []
+    for accuracy in ACCURACIES_MM:
+        row = choice(scene, accuracy)
+        if row is None:
+            unsure = not _error(scene, scene.uncertainty) <= accuracy
+            result.append("not known: the reference is not as sure" if unsure else "none of these")
+        else:
+            result.append(f"{NAMES[row.solver]}, {row.setting}: {_speed(row)}")
+    return result
+
+
+def _stability(report: Report) -> list[str]:
+    """Each stress case and what became of it with each solver."""
+    found = {(outcome.case, outcome.solver): outcome for outcome in report.stability}
+    if not found:
+        return []
+    repeats = max(outcome.repeats for outcome in report.stability)
+    rows = [
+        [f"**{case}**: {CASES[case].about}", *(_cell(found[case, solver]) for solver in report.plan.solvers)]
+        for case in report.plan.cases
+    ]
+    return [
+        "## Stress cases",
+        "",
+        f"Every solver at its default settings, {repeats} runs of each from starts jittered by {1e6 * JITTER:g} "
+        "micrometre; the worst is shown: largest strain, deepest penetration, growth of energy after the bones have "
+        "come to rest as a share of weight times size, and the wall time of one run. "
+        f"{SIGNS[PASSES]} passes, {SIGNS[DEGRADES]} degrades: more strain than the case allows for, deeper than "
+        f"{1e3 * PENETRATION:g} mm, energy grown by more than {GROWTH:.0%}, or over {PATIENCE:g} s; {SIGNS[FAILS]} "
+        "fails: breaks off with a word on what to change, and what was computed till then stays.",
+        "",
+        *_table(["case", *(NAMES[solver] for solver in report.plan.solvers)], rows),
+    ]
+
+
+def _cell(outcome: Outcome) -> str:
+    growth = "" if math.isnan(outcome.energy_growth) else f", +{outcome.energy_growth:.1%}"
+    numbers = f"{outcome.stretch_max:.1%}, {_number(outcome.penetration_max_mm)} mm{growth}, {outcome.seconds:.2f} s"
+    return f"{SIGNS[outcome.result]} {numbers}" + (f" ({outcome.why})" if outcome.why else "")
+
+
+def _section(scene: Scene, *, pictures: bool, recordings: bool) -> list[str]:
+    sure = scene.uncertainty
+    lines = [f"## {scene.name}", ""]
+    if pictures:
+        lines += [f"![{scene.name}: run time against error]({scene.name}.png)", ""]
+    lines += [
+        f"{scene.vertices:,} vertices, {scene.seconds:g} s. The reference, {NAMES[sure.solver]} in double precision "
+        f"at {sure.substeps} substeps, changes by {_number(sure.rms_mm)} mm (at most {_number(sure.max_mm)} mm, mean "
+        f"shape {_number(sure.shape_mm)} mm{_and_window(sure)}) when its step is halved."
+        + (f" Side by side: `rerun {scene.name}.rrd`." if recordings else ""),
+        "",
+    ]
+    columns: list[tuple[str, Callable[[Row], str]]] = [
+        ("solver", lambda row: NAMES[row.solver]),
+        ("setting", lambda row: row.setting),
+        ("speed", lambda row: _speed(row) if row.finished else row.result),
+        ("RMS mm", lambda row: _number(row.rms_mm)),
+        ("max mm", lambda row: _number(row.max_mm)),
+        (f"RMS mm after {WINDOW:g} s", lambda row: _number(row.window_mm)),
+        ("mean shape mm", lambda row: _number(row.shape_mm)),
+        ("stretch", lambda row: "" if math.isnan(row.stretch_max) else f"{row.stretch_max:.1%}"),
+        ("lowest m", lambda row: _number(row.lowest_m)),
+        ("kinetic energy J", lambda row: _number(row.kinetic_energy_j)),
+        ("penetration mm", lambda row: _number(row.penetration_max_mm)),
+        ("frames retaken", lambda row: str(row.retaken)),
+    ]
+    if scene.smooth:
+        apart = (f"RMS mm after {WINDOW:g} s", "mean shape mm", "lowest m", "penetration mm")
+        columns = [column for column in columns if column[0] not in apart]
+    return lines + _table(
+        [name for name, _ in columns], [[of(row) for _, of in columns] for row in [*scene.rows, sure]]
+    )
+
+
+def _and_window(sure: Row) -> str:
+    return "" if math.isnan(sure.window_mm) else f", {_number(sure.window_mm)} mm within {WINDOW:g} s"
+
+
+def _notes() -> list[str]:
+    return [
+        "## How to read it",
+        "",
+        "Errors are distances between the vertices of a run and those of the reference, over all vertices and "
+        "frames. All runs of a scene set out from the same state of a cape that has settled, and use the same mesh: "
+        "what the mesh itself gets wrong is another matter. Speed counts the steps alone, each frame's the least of "
+        "all repeats; compiling, settling and measuring are apart.",
+        "",
+        "With contact, or where cloth buckles, which of two sides a fold falls to is decided by arbitrarily small "
+        "differences: trajectories of any two steps diverge, however short they are. What stays comparable is the "
+        f"error that a run gathers within {WINDOW:g} s from the reference's own state, the mean shape, stretch, the "
+        f"lowest point and the kinetic energy, the last two as means over the last {LAST:g} s. The explicit solvers "
+        "stop the cloth at a collider, the implicit ones push it out by a stiff force, so that their limits differ.",
+    ]
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    return lines + ["| " + " | ".join(cells) + " |" for cells in rows]
+
+
+def _measure(scene: Scene) -> str:
+    return "trajectories" if scene.smooth else f"{WINDOW:g} s"
+
+
+def _error(scene: Scene, row: Row) -> float:
+    return row.rms_mm if scene.smooth else row.window_mm
+
+
+def _speed(row: Row) -> str:
+    return f"{_number(1.0 / row.seconds_per_second)} x"
+
+
+def _number(value: float) -> str:
+    """Three digits, without an exponent."""
+    if math.isnan(value):
+        return ""
+    digits = max(0, 2 - math.floor(math.log10(abs(value)))) if value else 0
+    return f"{value:.{min(digits, 6)}f}"
+
+
+def write(report: Report, folder: Path, *, pictures: bool, recordings: bool, command: str) -> str:
+    """Write REPORT.md and REPORT.html into a folder, and give the text of the first."""
+    text = markdown(report, pictures=pictures, recordings=recordings, command=command)
+    write_text(folder / "REPORT.md", text)
+    write_text(folder / "REPORT.html", html(text))
+    return text

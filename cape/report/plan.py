@@ -1,0 +1,38 @@
+"""How much a report measures, and how long that may take."""
+
+from dataclasses import dataclass
+
+from cape.report.cases import CASES
+from cape.scenes import STANDARD_SCENES
+from cape.solvers import SOLVERS
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What `run` measures.
+
+    Attributes:
+        scenes: names of the standard scenes.
+        solvers: names of the solvers.
+        every: second, third... of the settings of a solver.
+        repeats: times that a run is taken; the least time of each frame counts.
+        seconds: of each scene's motion at most [s].
+        scene_s: wall time for all runs of a scene [s]; slower settings are left out, and named.
+        cases: names of the stress cases.
+        case_repeats: how often each is run, from jittered starts.
+    """
+
+    scenes: tuple[str, ...] = tuple(STANDARD_SCENES)
+    solvers: tuple[str, ...] = tuple(SOLVERS)
+    every: int
+    repeats: int
+    seconds: float
+    scene_s: float
+    cases: tuple[str, ...] = tuple(CASES)
+    case_repeats: int
+
+
+FULL = Plan(every=1, repeats=5, seconds=10.0, scene_s=100.0, case_repeats=10)
+# These cases compile nothing that the scenes do not.
+FREE = ("pulled", "crumpled", "flattened", "twisted", "teleported", "half a turn", "light", "shaken", "jerky")
+QUICK = Plan(scenes=("swing", "walk"), every=2, repeats=3, seconds=2.0, scene_s=15.0, cases=FREE, case_repeats=2)

@@ -1,0 +1,61 @@
+"""Work-precision diagrams: what accuracy costs."""
+
+from pathlib import Path
+from typing import Any
+
+from cape.bench.plot import COLOURS, NAMES, require_matplotlib
+from cape.report.run import Scene
+from cape.report.trajectory import WINDOW
+
+FLOOR_MM = 1e-4  # smaller errors are drawn here
+BAND = "#d9d9d9"
+
+
+def save_diagram(scene: Scene, path: Path) -> None:
+    """Draw run time against error into a PNG file, by whole trajectories and, where those diverge, by short ones.
+
+    Raises:
+        UserError: matplotlib is not installed.
+    """
+    require_matplotlib()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    kinds = [("rms_mm", "root mean square error of trajectories [mm]")]
+    if not scene.smooth:
+        kinds = [("window_mm", f"error after {WINDOW:g} s from the reference's states [mm]"), *kinds]
+    figure = Figure(figsize=(6.5 * len(kinds), 4.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, (kind, label) in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
+        draw(axes, scene, kind)
+        axes.set_xlabel(label)
+    figure.suptitle(f"{scene.name}: {scene.vertices:,} vertices, {scene.seconds:g} s of motion")
+    figure.savefig(path, dpi=120)
+
+
+def draw(axes: Any, scene: Scene, kind: str) -> None:
+    """Draw a scene's runs, log-log; `kind` names the error on the horizontal axis."""
+    unsure = max(getattr(scene.uncertainty, kind), FLOOR_MM)
+    errors = [getattr(row, kind) for row in scene.rows if row.finished]
+    left = 0.5 * max(min([unsure, *errors]), FLOOR_MM)
+    axes.axvspan(left, unsure, color=BAND, label="the reference itself is no surer")
+    axes.axhline(1.0, color="black", linewidth=1.0, linestyle=":")
+    axes.text(0.99, 1.0, "real time", transform=axes.get_yaxis_transform(), ha="right", va="bottom", fontsize=8)
+    for solver in dict.fromkeys(row.solver for row in scene.rows):
+        runs = [row for row in scene.rows if row.solver == solver and row.finished]
+        points = sorted((row.substeps, max(getattr(row, kind), FLOOR_MM), row.seconds_per_second) for row in runs)
+        if not points:
+            continue
+        _, errors, costs = zip(*points, strict=True)
+        colour = COLOURS.get(solver, "black")
+        axes.plot(errors, costs, color=colour, marker="o", markersize=4, label=NAMES.get(solver, solver))
+        for row in runs:
+            if row.setting == "default":
+                place = max(getattr(row, kind), FLOOR_MM), row.seconds_per_second
+                axes.plot(*place, color=colour, marker="o", markersize=10, fillstyle="none")
+    axes.plot([], [], color="black", marker="o", markersize=10, fillstyle="none", linestyle="", label="by default")
+
+    axes.set(xscale="log", yscale="log", ylabel="wall time per second of motion [s]")
+    axes.set_xlim(left=left)
+    axes.grid(True, which="major", alpha=0.3)
+    axes.legend(fontsize=8, frameon=False)

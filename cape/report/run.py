@@ -1,0 +1,188 @@
+"""A whole report, scene after scene; what is measured stays measured when it is interrupted."""
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from cape.bench.machine import machine, versions
+from cape.kernels import jit
+from cape.report.cases import CASES
+from cape.report.compile import compile_all
+from cape.report.files import write_text
+from cape.report.plan import Plan
+from cape.report.stability import Outcome, stress
+from cape.report.sweep import Row, Sweep, sweep
+from cape.report.trajectory import Stage
+from cape.scenes import standard_scene
+from motions.errors import FileError
+
+PARTS = ".parts"
+
+Told = Callable[[str, int], Callable[[], None]]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What was measured of a scene.
+
+    Attributes:
+        name: its name.
+        smooth: nothing touches the cloth, so that single trajectories can be compared.
+        vertices: of its cloth.
+        seconds: of its motion [s].
+        uncertainty: a row of the reference; its errors are how far it may be off.
+        rows: of all settings.
+    """
+
+    name: str
+    smooth: bool
+    vertices: int
+    seconds: float
+    uncertainty: Row
+    rows: list[Row]
+
+    @classmethod
+    def of(cls, done: Sweep) -> "Scene":
+        """The figures of a sweep."""
+        standard = done.stage.standard
+        vertices = standard.scene.cloth.vertices
+        return cls(standard.name, standard.smooth, vertices, done.stage.seconds, done.uncertainty, done.rows)
+
+    def as_json(self) -> dict[str, Any]:
+        """The scene for a JSON object."""
+        return {
+            "name": self.name,
+            "smooth": self.smooth,
+            "vertices": self.vertices,
+            "seconds": round(self.seconds, 4),
+            "uncertainty": self.uncertainty.as_json(),
+            "rows": [row.as_json() for row in self.rows],
+        }
+
+    @classmethod
+    def from_json(cls, fields: dict[str, Any]) -> "Scene":
+        """The scene that `as_json` gave."""
+        rows = [Row.from_json(row) for row in fields["rows"]]
+        return cls(**{**fields, "uncertainty": Row.from_json(fields["uncertainty"]), "rows": rows})
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was measured.
+
+    Attributes:
+        machine: see `cape.bench.machine.machine`.
+        versions: of Python and packages.
+        plan: what was asked for.
+        scenes: error against run time.
+        stability: what became of each stress case with each solver.
+    """
+
+    plan: Plan
+    scenes: list[Scene]
+    stability: list[Outcome]
+    machine: dict[str, Any] = field(default_factory=machine)
+    versions: dict[str, str] = field(default_factory=versions)
+
+    def as_json(self) -> dict[str, Any]:
+        """The report as one JSON object."""
+        return {
+            "machine": self.machine,
+            "versions": self.versions,
+            "plan": asdict(self.plan),
+            "rows": [row.as_json() for scene in self.scenes for row in scene.rows],
+            "stability": [outcome.as_json() for outcome in self.stability],
+            "references": [scene.uncertainty.as_json() for scene in self.scenes],
+        }
+
+
+def run(
+    plan: Plan,
+    folder: Path | None = None,
+    told: Told = lambda section, steps: lambda: None,
+    keep: Sequence[Callable[[Sweep], None]] = (),
+) -> Report:
+    """Measure all that the plan asks for.
+
+    Compiles in processes of its own, as far as there are cores: a script that calls this needs the usual guard,
+    `if __name__ == "__main__":`.
+
+    Args:
+        plan: how much.
+        folder: where the figures of what is done are kept until all are there; an interrupted run goes on from them.
+        told: called before each scene, and before the stress cases, with a name and the number of steps; gives what is
+            called at each step.
+        keep: called with each scene's runs while they are in memory.
+
+    Raises:
+        UnknownNameError: there is no scene or no solver of that name.
+        FileError: the folder can't be written.
+    """
+    parts = _Parts(folder, plan)
+    scenes = []
+    if any(parts.read(name) is None for name in plan.scenes):
+        compile_all(plan, partial(told, "compiling"))
+    for name in plan.scenes:
+        known = parts.read(name)
+        if known is None:
+            stage = Stage(standard_scene(name), seconds=plan.seconds)
+            done = sweep(stage, plan, partial(told, name))
+            for each in keep:
+                each(done)
+            known = Scene.of(done).as_json()
+            parts.write(name, known)
+        scenes.append(Scene.from_json(known))
+    outcomes: list[Outcome] = []
+    advance = told("stress cases", len(plan.cases) * len(plan.solvers))
+    for name in plan.cases:
+        for solver in plan.solvers:
+            part = f"{name}, {solver}"
+            known = parts.read(part)
+            if known is None:
+                known = stress(CASES[name], solver, repeats=plan.case_repeats).as_json()
+                parts.write(part, known)
+            outcomes.append(Outcome.from_json(known))
+            advance()
+    return Report(plan, scenes, outcomes)
+
+
+class _Parts:
+    """Figures of the scenes and cases that are done, in files that only an interrupted run leaves behind."""
+
+    def __init__(self, folder: Path | None, plan: Plan) -> None:
+        self._folder = None if folder is None else folder / PARTS
+        stamp = json.dumps([asdict(plan), versions(), machine(), jit.STAMP], sort_keys=True, default=str)
+        self._key = hashlib.sha256(stamp.encode()).hexdigest()
+
+    def read(self, name: str) -> dict[str, Any] | None:
+        """What is there of a scene or case by the same plan on the same machine and version."""
+        if self._folder is None:
+            return None
+        try:
+            found = json.loads((self._folder / f"{name}.json").read_text())
+        except (OSError, ValueError):
+            return None
+        return found["figures"] if isinstance(found, dict) and found.get("key") == self._key else None
+
+    def write(self, name: str, figures: dict[str, Any]) -> None:
+        """Keep the figures of a scene or case."""
+        if self._folder is None:
+            return
+        try:
+            self._folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise FileError(f"can't write to {self._folder}: {error.strerror}") from error
+        write_text(self._folder / f"{name}.json", json.dumps({"key": self._key, "figures": figures}))
+
+
+def forget_parts(folder: Path) -> None:
+    """Remove what an interrupted run would have gone on from."""
+    parts = folder / PARTS
+    if parts.is_dir():
+        for part in parts.iterdir():
+            part.unlink()
+        parts.rmdir()
