@@ -115,11 +115,13 @@ def test_tapered_capsule_case_by_case(point, radii, distance, normal):
         ((1, 0, 0), 0.0, (1, 0, 0)),
         ((1, 2, 0), 0.0, (1, 0, 0)),
         ((-1, -2, -3), 0.0, (-1, 0, 0)),
+        ((0, 0, 3 + 4e-16), 0.0, (0, 0, 1)),
+        ((0, 2 + 4.5e-16, 3 + 9e-16), 0.0, (0, 0, 1)),
     ],
     ids=[
         "before a face", "before another face", "before an edge", "before a corner", "inside below the top",
         "inside above the bottom", "inside at equal depth from three", "inside at equal depth from two", "the centre",
-        "on a face", "on an edge", "on a corner",
+        "on a face", "on an edge", "on a corner", "a rounding before a face", "a rounding before an edge",
     ],
 )  # fmt: skip
 def test_box_case_by_case(point, distance, normal):

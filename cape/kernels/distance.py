@@ -59,7 +59,7 @@ def to_box(x, y, z, half_x, half_y, half_z, _3):
     ox, oy, oz = max(qx, 0.0), max(qy, 0.0), max(qz, 0.0)
     off = math.sqrt(ox * ox + oy * oy + oz * oz)
     scale = 1.0 / max(off, TINY)
-    outside = depth > 0.0
+    outside = off > TINY
     first = qx >= depth
     second = (qy >= depth) & (not first)
     third = not (first | second)
