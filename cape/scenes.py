@@ -32,7 +32,7 @@ class StandardScene:
         scene: cloth, attachments, colliders, forces.
         track: poses of the bones.
         smooth: nothing touches the cloth, and it neither buckles nor flutters, so that errors stay as small as they are
-            made. In all other scenes they grow a million times in a second or two, however short the step.
+            made. In all other scenes trajectories diverge, however short the step.
     """
 
     name: str

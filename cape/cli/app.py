@@ -148,7 +148,9 @@ def report(
     output: Annotated[Path, typer.Option("-o", "--output", help="A folder for all files; made if needed.")] = Path(
         "report"
     ),
-    quick: Annotated[bool, typer.Option("--quick", help="Three scenes, shorter motions, fewer settings.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Two scenes, shorter motions, fewer settings and cases.")
+    ] = False,
     scene: Annotated[
         list[str] | None, typer.Option("--scene", help="Only this standard scene; may be repeated.")
     ] = None,
