@@ -5,6 +5,7 @@ from typing import Any
 
 from numba import typeof
 
+from cape.bench.figures import Figures
 from cape.bench.plan import Plan
 from cape.bench.rows import Loops, Row, Told, against
 from cape.bench.sheets import FABRIC, assemble_standing, sheet, variants
@@ -18,7 +19,7 @@ SECTION = "features"
 
 
 @dataclass(frozen=True)
-class Feature:
+class Feature(Figures):
     """What a feature adds.
 
     Attributes:

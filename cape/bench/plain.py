@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cape.bench.figures import Figures
 from cape.bench.plan import Plan
 from cape.poses import Pose
 from cape.scenes import FPS, plain
@@ -17,7 +18,7 @@ PASSES = 3  # with symplectic Euler; every frame counts at its fastest
 
 
 @dataclass(frozen=True)
-class Plain:
+class Plain(Figures):
     """How a solver at its default settings does on one core.
 
     Attributes:

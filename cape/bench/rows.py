@@ -1,10 +1,11 @@
 """The measured quantity."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from cape.bench.baselines import Limit, Scalar
+from cape.bench.figures import Figures
 from cape.bench.plan import Plan
 from cape.bench.sheets import FABRIC, assembled
 from cape.bench.subject import Subject
@@ -15,7 +16,7 @@ Told = Callable[[int], Callable[[], None]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class Row(Figures):
     """What one variant costs.
 
     Attributes:
@@ -48,10 +49,6 @@ class Row:
     ratio_to_scalar: float | None = None
     ratio_to_limit: float | None = None
     compile_s: float
-
-    def as_json(self) -> dict[str, Any]:
-        """The row for a JSON object, rounded to four digits."""
-        return {k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in asdict(self).items()}
 
 
 @dataclass(frozen=True)

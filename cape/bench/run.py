@@ -1,7 +1,7 @@
 """All sections of the benchmark, in one report."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -49,10 +49,10 @@ class Report:
         return {
             "machine": self.machine,
             "versions": self.versions,
-            "plain": {"aim_ms_per_frame": AIM_MS, "solvers": [_rounded(asdict(p)) for p in self.plain]},
+            "plain": {"aim_ms_per_frame": AIM_MS, "solvers": [p.as_json() for p in self.plain]},
             "linear_to_vertices": self.linear_to,
             "capes_gain": {str(capes): float(f"{gain:.4g}") for capes, gain in self.capes_gain.items()},
-            "features": [_rounded(asdict(f)) for f in self.features],
+            "features": [f.as_json() for f in self.features],
             "rows": [row.as_json() for row in self.rows],
         }
 
@@ -144,7 +144,3 @@ def linear_to(rows: list[Row]) -> dict[str, int]:
                     break
                 result[layout] = vertices
     return result
-
-
-def _rounded(fields: dict[str, Any]) -> dict[str, Any]:
-    return {k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in fields.items()}

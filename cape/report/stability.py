@@ -3,14 +3,13 @@
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
+from cape.bench.figures import Figures
 from cape.poses import Pose
 from cape.report.cases import Case
-from cape.report.sweep import number
 from cape.scenes import StandardScene
 from cape.simulation import Diverged, Simulation
 from cape.solvers import SOLVERS
@@ -22,7 +21,7 @@ PASSES, DEGRADES, FAILS = "passes", "degrades", "fails"
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Outcome(Figures):
     """What became of all repeats of a case with a solver; numbers are the worst of them.
 
     Attributes:
@@ -49,16 +48,6 @@ class Outcome:
     energy_growth: float
     seconds: float
     retaken: int
-
-    def as_json(self) -> dict[str, Any]:
-        """The outcome for a JSON object, rounded to four digits; None for what is not a number."""
-        return {key: number(value) for key, value in asdict(self).items()}
-
-    @classmethod
-    def from_json(cls, fields: dict[str, Any]) -> "Outcome":
-        """The outcome that `as_json` gave."""
-        numbers: dict[str, Any] = {key: math.nan if value is None else value for key, value in fields.items()}
-        return cls(**numbers)
 
 
 @dataclass(frozen=True)

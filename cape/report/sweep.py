@@ -3,11 +3,11 @@
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
+from cape.bench.figures import Figures
 from cape.report.accuracy import LAST, Error, Reference, converge, error_of, window_error
 from cape.report.plan import Plan
 from cape.report.trajectory import EXACT, Setting, Stage, Trajectory
@@ -27,7 +27,7 @@ Told = Callable[[int], Callable[[], None]]
 
 
 @dataclass(frozen=True)
-class Row:
+class Row(Figures):
     """One point of a work-precision diagram; numbers that a run did not come to are not a number.
 
     Attributes:
@@ -71,16 +71,6 @@ class Row:
     def finished(self) -> bool:
         """Whether the run came to the motion's end."""
         return self.result == "finished"
-
-    def as_json(self) -> dict[str, Any]:
-        """The row for a JSON object, rounded to four digits; None for what is not a number."""
-        return {key: number(value) for key, value in asdict(self).items()}
-
-    @classmethod
-    def from_json(cls, fields: dict[str, Any]) -> "Row":
-        """The row that `as_json` gave."""
-        numbers: dict[str, Any] = {key: math.nan if value is None else value for key, value in fields.items()}
-        return cls(**numbers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,10 +192,3 @@ def row_of(scene: str, run: Trajectory, error: Error, window_mm: float) -> Row:
         frames=len(run.times),
         result=run.result,
     )
-
-
-def number(value: Any) -> Any:
-    """A value for a JSON object: numbers rounded to four digits, None for what is not a number."""
-    if isinstance(value, float):
-        return float(f"{value:.4g}") if math.isfinite(value) else None
-    return value
