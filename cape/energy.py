@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assemble import Assembly
+from cape.kernels.measure import kinetic_energy
 from cape.kernels.records import State
 
 FloatArray = NDArray[np.float64]
@@ -26,12 +27,12 @@ class Energy(NamedTuple):
 
 def energy_of(assembly: Assembly, state: State, origin: FloatArray) -> Energy:
     """Energies of an assembled cloth; positions refer to `origin`, in the world [m], shape (3,)."""
-    positions, velocities = (np.stack(part, axis=1).astype(float) for part in (state[:3], state[3:]))
+    positions = np.stack(state[:3], axis=1).astype(float)
     springs, mass = assembly.springs, assembly.mass
     lengths = np.linalg.norm(positions[springs.second] - positions[springs.first], axis=1)
     bends = np.einsum("km,kmc->kc", springs.bend_coefficients, positions[springs.bend_vertices])
     return Energy(
-        kinetic=0.5 * float(mass @ np.sum(velocities**2, axis=1)),
+        kinetic=float(kinetic_energy(mass, state.vx, state.vy, state.vz)),
         elastic=0.5 * float(springs.stiffness @ (lengths - springs.rest) ** 2)
         + 0.5 * float(springs.bend_stiffness @ np.sum(bends**2, axis=1)),
         potential=-float(mass @ ((positions + origin) @ np.asarray(assembly.scene.gravity))),

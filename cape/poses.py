@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from motions import quaternions
 from motions.errors import UnknownNameError, ValueRangeError
+from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
 
@@ -24,6 +25,16 @@ class Pose(NamedTuple):
 
 
 Bones = Mapping[str, tuple[ArrayLike, ArrayLike]] | Pose
+
+
+def poses_of(track: BoneTrack, bones: Sequence[str]) -> list[Pose]:
+    """The pose of some bones, given by name or role and in this order, at each frame of a track.
+
+    Raises:
+        UnknownNameError: the track lacks a bone.
+    """
+    chosen = [track.index(bone) for bone in bones]
+    return [Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]) for f in range(track.frames)]
 
 
 def read_pose(bones: Bones, names: Sequence[str]) -> Pose:

@@ -2,7 +2,7 @@
 
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cape.contact_points import ContactPoints
 from cape.cuts import Cuts
-from cape.poses import Pose
+from cape.poses import poses_of
 from cape.reach import reach_of
 from cape.scene import Scene
 from cape.simulation import DEFAULT_CUTS, Diverged, Simulation
@@ -76,7 +76,7 @@ def simulate(
         track = track.resample(fps)
     reach = reach_of(scene, track) if cull else None
     simulation = Simulation(scene if reach is None else reach.cull(scene), solver=solver, threads=threads, cuts=cuts)
-    poses, all_poses = _poses(track, simulation.bones), _poses(track, scene.bones)
+    poses, all_poses = poses_of(track, simulation.bones), poses_of(track, scene.bones)
     steps = np.diff(track.times)
 
     started = time.perf_counter()
@@ -137,11 +137,6 @@ def simulate(
     if notes and result == "finished":
         result = "finished with warnings"
     return replace(take, result=result, warnings=tuple(notes))
-
-
-def _poses(track: BoneTrack, bones: Sequence[str]) -> list[Pose]:
-    chosen = [track.index(bone) for bone in bones]
-    return [Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]) for f in range(track.frames)]
 
 
 def _notes_on_steps(simulation: Simulation) -> list[str]:

@@ -5,7 +5,7 @@ from cape.bench.plan import Plan
 from cape.bench.rows import Row, Told
 from cape.bench.sheets import sheet
 from cape.bench.timing import Probe, take_turns
-from cape.poses import Pose
+from cape.poses import poses_of
 from cape.scenes import FPS, StandardScene
 from cape.simulation import Simulation
 from cape.solvers import SymplecticEuler
@@ -24,9 +24,7 @@ class Capes(Probe):
             Simulation(swinging.scene, solver=SymplecticEuler(precision="single"), threads=1) for _ in range(capes)
         ]
         self._batch = Batch(simulations, threads=threads)
-        track = swinging.track
-        chosen = [track.index(bone) for bone in swinging.scene.bones]
-        self._poses = [Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]) for f in range(track.frames)]
+        self._poses = poses_of(swinging.track, swinging.scene.bones)
         self._frame = 0
         self.substeps, self.units = 0, 0.0
 

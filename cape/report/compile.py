@@ -17,7 +17,7 @@ def compile_all(plan: Plan, told: Callable[[int], Callable[[], None]] = lambda s
     if workers < 2:
         return
     settings = [EXACT, *(Setting(solver) for solver in plan.solvers)]
-    # Scenes with contact come last in every plan and take longest.
+    # The last ones first: those with contact stand behind the others, and take longest.
     tasks = [(scene, setting) for scene in reversed(plan.scenes) for setting in settings]
     done = told(len(tasks))
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_leave_interrupts)

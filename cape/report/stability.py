@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cape.bench.figures import Figures
-from cape.poses import Pose
+from cape.poses import Pose, poses_of
 from cape.report.cases import Case
 from cape.scenes import StandardScene
 from cape.simulation import Diverged, Simulation
@@ -105,8 +105,7 @@ def _run(case: Case, standard: StandardScene, solver: str, rng: np.random.Genera
     """Take a case's motion once."""
     scene, track = standard.scene, standard.track
     simulation = Simulation(scene, solver=SOLVERS[solver](), threads=1, cuts=case.cuts)
-    chosen = [track.index(bone) for bone in simulation.bones]
-    poses = [Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]) for f in range(track.frames)]
+    poses = poses_of(track, simulation.bones)
     scale = float(np.linalg.norm(scene.gravity)) * float(np.ptp(scene.cloth.pattern, axis=0).max())
     still = still_from(poses) if scene.wind is None or not np.any(scene.wind.velocity) else track.frames
     stretch = penetration = spent = 0.0

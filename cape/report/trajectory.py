@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.poses import Pose
+from cape.poses import poses_of
 from cape.scenes import StandardScene
 from cape.simulation import Diverged, Simulation, Snapshot
 from cape.solvers import SOLVERS, Solver
@@ -16,10 +16,8 @@ from cape.solvers import SOLVERS, Solver
 FloatArray = NDArray[np.float64]
 Stopped = Callable[[float], bool]
 
-WINDOW, WINDOWS = (
-    0.1,
-    10,
-)  # length [s] of the parts of a motion that are taken from the reference's own states, and number
+WINDOW = 0.1  # s, length of the parts of a motion that are taken from the reference's own states,
+WINDOWS = 10  # and how many there are
 
 
 @dataclass(frozen=True)
@@ -107,11 +105,10 @@ class Stage:
         """
         self.standard, self.threads = standard, threads
         first = self._simulation(EXACT)
-        chosen = [standard.track.index(bone) for bone in first.bones]
         track = standard.track
-        times = track.times if seconds is None else track.times[track.times <= track.times[0] + seconds + 1e-9]
-        self.times = times
-        self._poses = [Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]) for f in range(len(times))]
+        if seconds is not None:
+            track = track.first(int(np.sum(track.times <= track.times[0] + seconds + 1e-9)))
+        self.times, self._poses = track.times, poses_of(track, first.bones)
         first.start(self._poses[0])
         self._start = first.snapshot()
         self.window = max(1, round(WINDOW / self._step(1)))
