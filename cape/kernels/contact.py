@@ -14,6 +14,7 @@ import math
 
 from cape.kernels.bones import velocity_at
 from cape.kernels.jit import driver, inlined
+from cape.kernels.pinch import hold_pinched, note
 from cape.kernels.shapes import DUE, direction_to_world, distance_to, into_shape, nearest, place
 from cape.kernels.watch import (
     GAIN,
@@ -93,7 +94,7 @@ def leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m):
     hardest = -1.0
     collider = shapes.colliders[c]
     for i in range(start, end):
-        if shapes.gaps[i - start] < 0.0 and free[i]:
+        if shapes.gaps[i - start] < 0.0 and free[i] and not shapes.held[i - start]:
             distance, nx, ny, nz = distance_to(shapes, c, s.x[i], s.y[i], s.z[i])
             if distance < -DEEP * collider.core:
                 distance, nx, ny, nz = from_where_it_came(i, s, earlier, shapes, c, step, m)
@@ -243,7 +244,7 @@ def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
         mid = (start + end) // 2
         far, fast = spread_of(shapes.spreads, tile, s, start, end)
         soonest, hardest = turn + LONGEST, -1.0
-        hot[0] = 0
+        hot[0], touched, rapid = 0, 0, False
         for k in range(1, shapes.active[0] + 1):
             if shapes.wake[tile, k - 1] > turn and not alarmed:
                 soonest = min(soonest, shapes.wake[tile, k - 1])
@@ -253,12 +254,16 @@ def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
             speed = approach(s, mid, far, fast, shapes.colliders[c].bone, m)
             thickness = share * shapes.colliders[c].thickness
             if is_fast(speed * step, shapes.colliders[c].core):
+                rapid = True
                 hardest = max(hardest, sweep(start, end, free, s, earlier, shapes, c, thickness, step, m))
             gap = look(shapes, c, s, start, end, thickness)
             if gap < NEAR * (speed + GAIN) * step:
                 hot[0] += 1
                 hot[hot[0]] = c
             if gap < 0.0:
+                touched += 1
+                if touched == 1:
+                    note(shapes, s, start, end)
                 hardest = max(hardest, leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m))
             # Contact forces, where there are any, begin at the whole thickness.
             wake = turn + nap(gap + thickness - shapes.colliders[c].thickness, speed, step)
@@ -267,7 +272,12 @@ def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
         shapes.next[tile] = soonest
         due = min(due, soonest)
         if hardest >= 0.0 and hot[0] > 1:
+            if touched > 1 and not rapid:
+                hold_pinched(start, end, free, s, shapes, share, step, most, m)
             lead_out(start, end, free, s, earlier, shapes, share, step, most, m)
+            shapes.held[:] = False
+        if touched < 2:
+            shapes.seized[start:end] = False
         if hardest > JOLT:
             alarm(shapes, tile, turn)
     shapes.clock[DUE] = due
