@@ -103,7 +103,7 @@ def for_another_thread(contacts: Contacts) -> Contacts:
     """The same contacts with notes of a thread's own, where not each vertex has its own."""
     if contacts.groups is None:
         return contacts
-    own = ("colliders", "active", "clock", "hot", "gaps", "before", "held")
+    own = ("colliders", "active", "clock", "hot", "gaps", "before")
     groups = tuple(g._replace(**{name: getattr(g, name).copy() for name in own}) for g in contacts.groups)
     return contacts._replace(groups=groups)
 
@@ -129,8 +129,7 @@ def _group(
         hot=np.zeros(count + 1, dtype=np.int64),
         gaps=np.zeros(TILE),
         before=np.zeros((6, TILE)),
-        held=np.zeros(TILE, dtype=bool),
-        seized=np.zeros(scene.cloth.vertices, dtype=bool),
+        pinched=np.zeros(scene.cloth.vertices, dtype=bool),
         **shared,
     )
 

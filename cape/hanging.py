@@ -37,7 +37,7 @@ class Moment(NamedTuple):
 
     state: tuple[NDArray[np.floating], ...]
     layers: layers.Kept | None
-    seized: tuple[NDArray[np.bool_], ...]
+    pinched: tuple[NDArray[np.bool_], ...]
     center: FloatArray
     strained: bool
 
@@ -102,8 +102,8 @@ class Hanging:
         return np.empty(0, dtype=np.int64) if attached is None else np.unique(attached.bones)
 
     @property
-    def _seized(self) -> list[NDArray[np.bool_]]:
-        return [shapes.seized for shapes in self.assembly.ranks[0].contacts.groups or ()]
+    def _pinched(self) -> list[NDArray[np.bool_]]:
+        return [shapes.pinched for shapes in self.assembly.ranks[0].contacts.groups or ()]
 
     @property
     def haste(self) -> float:
@@ -176,7 +176,7 @@ class Hanging:
         self.origin, self.pose = place.origin, place.pose
         for component, values in zip(self.state, self.assembly.inwards(place.state).T, strict=True):
             component[:] = values
-        for notes in self._seized:
+        for notes in self._pinched:
             notes[:] = False
         held = self.assembly.attached
         if held is not None and place.hold is not None:
@@ -261,15 +261,15 @@ class Hanging:
         """A copy of what a frame changes."""
         known = self.assembly.layers
         kept = None if known is None else layers.keep(known)
-        seized = tuple(notes.copy() for notes in self._seized)
-        return Moment(tuple(c.copy() for c in self.state), kept, seized, self._center, self.strained)
+        pinched = tuple(notes.copy() for notes in self._pinched)
+        return Moment(tuple(c.copy() for c in self.state), kept, pinched, self._center, self.strained)
 
     def restore(self, before: Moment) -> None:
         """Put a moment back."""
         for component, kept in zip(self.state, before.state, strict=True):
             component[:] = kept
         self._center, self.strained = before.center, before.strained
-        for notes, kept in zip(self._seized, before.seized, strict=True):
+        for notes, kept in zip(self._pinched, before.pinched, strict=True):
             notes[:] = kept
         if self.assembly.layers is not None and before.layers is not None:
             layers.put_back(self.assembly.layers, before.layers)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import cape
-from cape import Pose, Simulation
+from cape import Capsule, Cloth, Pose, Scene, Simulation, attach
 from cape.hanging import Hanging
 from cape.kernels.contact import EXIT
 from cape.report.cases import CASES
@@ -76,19 +76,38 @@ def test_a_frame_that_is_taken_back_forgets_what_it_has_pinched(monkeypatch: pyt
     for _ in pinched.go(0.75):
         pass
     simulation, closed = pinched.simulation, pinched.pose(60)
-    (shapes,) = simulation.assembly.ranks[0].contacts.groups or ()
-    assert not shapes.seized.any()
+    groups = simulation.assembly.ranks[0].contacts.groups
+    assert groups is not None
+    shapes = groups[0]
+    assert not shapes.pinched.any()
 
     def stop(_: Hanging):
-        assert shapes.seized.any()
+        assert shapes.pinched.any()
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Hanging, "look", stop)
     with pytest.raises(KeyboardInterrupt):
         simulation.step(closed, 0.3)
     monkeypatch.undo()
-    assert not shapes.seized.any()
+    assert not shapes.pinched.any()
     simulation.step(closed, 0.3)
-    assert shapes.seized.any()
+    assert shapes.pinched.any()
     simulation.start_from(simulation.snapshot())
-    assert not shapes.seized.any()
+    assert not shapes.pinched.any()
+
+
+@pytest.mark.parametrize("name", ["euler", "xpbd"])
+def test_a_sheet_that_hangs_through_two_limbs_that_overlap_for_ever_hangs_still(name: str):
+    sheet = Cloth.rectangle(width=0.6, height=0.6, spacing=0.04, origin=(0.0, 0.3, 1.5))
+    half = np.array([0.0, 0.4, 0.0])
+    middles = [np.array([x, 0.0, HEIGHT]) for x in (-0.03, 0.03)]
+    limbs = [Capsule(f"limb {k}", None, x - half, x + half, RADIUS) for k, x in enumerate(middles)]
+    simulation = Simulation(Scene(sheet, [attach(sheet, "rod", "top")], limbs), solver=cape.solver(name), threads=1)
+    simulation.start({"rod": (np.zeros(3), [1.0, 0.0, 0.0, 0.0])})
+    meter = simulation.meter()
+    for _ in range(60):
+        simulation.step({"rod": (np.zeros(3), [1.0, 0.0, 0.0, 0.0])}, 1 / 60)
+        assert simulation.read(meter).stretch < MOST_STRAIN
+    assert np.linalg.norm(simulation.velocities, axis=1).max() < 0.5
+    depth = RADIUS - np.hypot(0.03, simulation.positions[:, 2] - HEIGHT)
+    assert simulation.read(meter).penetration == pytest.approx(depth.max(), abs=2e-4)

@@ -94,7 +94,7 @@ def leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m):
     hardest = -1.0
     collider = shapes.colliders[c]
     for i in range(start, end):
-        if shapes.gaps[i - start] < 0.0 and free[i] and not shapes.held[i - start]:
+        if shapes.gaps[i - start] < 0.0 and free[i] and not shapes.pinched[i]:
             distance, nx, ny, nz = distance_to(shapes, c, s.x[i], s.y[i], s.z[i])
             if distance < -DEEP * collider.core:
                 distance, nx, ny, nz = from_where_it_came(i, s, earlier, shapes, c, step, m)
@@ -245,6 +245,7 @@ def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
         far, fast = spread_of(shapes.spreads, tile, s, start, end)
         soonest, hardest = turn + LONGEST, -1.0
         hot[0], touched, rapid = 0, 0, False
+        shapes.pinched[start:end] = False
         for k in range(1, shapes.active[0] + 1):
             if shapes.wake[tile, k - 1] > turn and not alarmed:
                 soonest = min(soonest, shapes.wake[tile, k - 1])
@@ -275,9 +276,6 @@ def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
             if touched > 1 and not rapid:
                 hold_pinched(start, end, free, s, shapes, share, step, most, m)
             lead_out(start, end, free, s, earlier, shapes, share, step, most, m)
-            shapes.held[:] = False
-        if touched < 2:
-            shapes.seized[start:end] = False
         if hardest > JOLT:
             alarm(shapes, tile, turn)
     shapes.clock[DUE] = due

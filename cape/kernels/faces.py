@@ -259,7 +259,7 @@ def collide_group(s, inverse_mass, earlier, faces, group, c, m, share, step):
         gap = math.inf
         for f in range(start, end):
             least = faces.seen[f - start]
-            if least < 0.0 and is_seized(f, faces):
+            if least < 0.0 and is_pinched(f, faces):
                 least = 0.0
             elif least < 0.0 or follow:
                 least, inwards = collide_face(
@@ -271,10 +271,10 @@ def collide_group(s, inverse_mass, earlier, faces, group, c, m, share, step):
 
 
 @inlined
-def is_seized(f, faces):
+def is_pinched(f, faces):
     """Tell whether two colliders pinch a corner of triangle f, which then gets as deep as it does."""
-    seized, corners = faces.shapes.seized, faces.corners
-    return seized[corners[0, f]] or seized[corners[1, f]] or seized[corners[2, f]]
+    pinched, corners = faces.shapes.pinched, faces.corners
+    return pinched[corners[0, f]] or pinched[corners[1, f]] or pinched[corners[2, f]]
 
 
 @inlined

@@ -1,10 +1,10 @@
 """Vertices that two colliders pinch between them.
 
 Where colliders overlap and face each other, whoever leaves one gets deeper into the other. Led out of both in spite of
-that, cloth is torn from its neighbours, and springs back around one of the limbs: it stays hooked there. So what two
-colliders have closed upon is held midway between their surfaces, and comes out by its own side as they part, after the
-flypapering of Baraff, Witkin and Kass 2003, "Untangling cloth", section 5. Unlike there it may slide, and is squeezed
-to where the overlap ends, as far as the cloth lets it.
+that, cloth is torn from its neighbours, and springs back around one of the limbs: it stays hooked there. So what is
+pinched is held midway between both surfaces, and comes out by its own side as they part, after the flypapering of
+Baraff, Witkin and Kass 2003, "Untangling cloth", section 5. Unlike there it may slide, and is squeezed to where the
+overlap ends, as far as the cloth lets it.
 """
 
 import math
@@ -13,9 +13,8 @@ from cape.kernels.bones import velocity_at
 from cape.kernels.jit import driver, inlined
 from cape.kernels.shapes import distance_to
 
-BEGIN = -0.5  # cosine between the normals of colliders that begin to pinch,
-STAY = 0.5  # and of those that still do, closed deep into each other
-SQUEEZE = 5e3  # m/s2: strains a row of cloth between limbs by 8 %; 2e3 by 5, but leaves some vertices of clips inside
+FACING = 0.5  # most of a cosine between the normals of colliders that pinch: more, and out is not far
+SQUEEZE = 5e3  # m/s2: strains cloth between limbs by 8 %; 2e3 by 5, but leaves some vertices of clips inside
 LEVEL = 1e-3  # sum of two normals that has no direction
 
 
@@ -36,8 +35,8 @@ def gap_of(shapes, c, x, y, z, share):
 
 
 @inlined
-def pinching(shapes, x, y, z, share, cosine):
-    """The two hot colliders that pinch a point, their gaps [m] and normals there, whose `cosine` is less.
+def pinching(shapes, x, y, z, share):
+    """The two hot colliders that pinch a point, each with its gap [m] and normal there.
 
     The second is -1 where there is none: where no two overlap that face each other.
     """
@@ -52,14 +51,14 @@ def pinching(shapes, x, y, z, share, cosine):
         for n in range(1, hot[0] + 1):
             if hot[n] != a:
                 gap, mx, my, mz = gap_of(shapes, hot[n], x, y, z, share)
-                if gap < second and nx * mx + ny * my + nz * mz < cosine:
+                if gap < second and nx * mx + ny * my + nz * mz < FACING:
                     b, second, ox, oy, oz = hot[n], gap, mx, my, mz
     return a, first, nx, ny, nz, b, second, ox, oy, oz
 
 
 @driver
 def hold_pinched(start, end, free, s, shapes, share, step, most, m):
-    """Hold those of vertices start to end, noted before contact, that two hot colliders have closed upon.
+    """Hold those of vertices start to end, noted before contact, that two hot colliders pinch, and note which.
 
     They move with the mean of both surfaces, and by at most `most` [m] in this step towards the middle between them.
     """
@@ -68,10 +67,9 @@ def hold_pinched(start, end, free, s, shapes, share, step, most, m):
             continue
         k = i - start
         x, y, z = shapes.before[0, k], shapes.before[1, k], shapes.before[2, k]
-        cosine = STAY if shapes.seized[i] else BEGIN
-        a, first, nx, ny, nz, b, second, ox, oy, oz = pinching(shapes, x, y, z, share, cosine)
+        a, first, nx, ny, nz, b, second, ox, oy, oz = pinching(shapes, x, y, z, share)
+        shapes.pinched[i] = b >= 0
         if b < 0:
-            shapes.seized[i] = False
             continue
         gx, gy, gz = nx + ox, ny + oy, nz + oz
         nx, ny, nz = nx - ox, ny - oy, nz - oz
@@ -79,12 +77,6 @@ def hold_pinched(start, end, free, s, shapes, share, step, most, m):
         nx, ny, nz = nx / twice, ny / twice, nz / twice
         sx, sy, sz = velocity_at(shapes.colliders[a].bone, x, y, z, m)
         tx, ty, tz = velocity_at(shapes.colliders[b].bone, x, y, z, m)
-        closing = (sx - tx) * nx + (sy - ty) * ny + (sz - tz) * nz
-        # What was inside from the start is led out instead, by whichever side.
-        if first + second > -2.0 * closing * step:
-            shapes.seized[i] = True
-        if not shapes.seized[i]:
-            continue
         sx, sy, sz = 0.5 * (sx + tx), 0.5 * (sy + ty), 0.5 * (sz + tz)
         u, v, w = shapes.before[3, k], shapes.before[4, k], shapes.before[5, k]
         rx, ry, rz = u - sx, v - sy, w - sz
@@ -93,11 +85,11 @@ def hold_pinched(start, end, free, s, shapes, share, step, most, m):
         wide = math.sqrt(gx * gx + gy * gy + gz * gz)
         if wide > LEVEL:
             leaving = (rx * gx + ry * gy + rz * gz) / wide
-            push = max(min(SQUEEZE * step, most / step - leaving), 0.0) / wide
+            needed = -(first + second) / (wide * step)
+            push = max(min(SQUEEZE * step, min(needed, most / step) - leaving), 0.0) / wide
             rx, ry, rz = rx + push * gx, ry + push * gy, rz + push * gz
         s.vx[i], s.vy[i], s.vz[i] = sx + rx, sy + ry, sz + rz
         mx, my, mz = step * (s.vx[i] - u), step * (s.vy[i] - v), step * (s.vz[i] - w)
         off = (second - first) / twice - (mx * nx + my * ny + mz * nz)
         off = min(max(off, -most), most)
         s.x[i], s.y[i], s.z[i] = x + mx + off * nx, y + my + off * ny, z + mz + off * nz
-        shapes.held[k] = True

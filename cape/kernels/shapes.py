@@ -48,8 +48,7 @@ class Shapes(NamedTuple):
     Shared by all kinds, for each tile `spreads` (T, 3), its size [m], inner speed [m/s] and whether they hold,
     and `alarm` (T + 1,), the last turn in which it was hit hard, at last of all tiles. `hot` (C + 1,), how many a tile
     is about to touch, and which; `gaps` [m], how far its vertices are off one of them; `before` (6, tile), where they
-    were and how fast before contact; `held`, which of them are held between two. `seized` (V,), which vertices two
-    colliders have closed upon.
+    were and how fast before contact. `pinched` (V,), which vertices two of them pinched last.
     """
 
     colliders: Any  # a record array
@@ -62,8 +61,7 @@ class Shapes(NamedTuple):
     hot: NDArray[np.int64]
     gaps: Array
     before: Array
-    held: NDArray[np.bool_]
-    seized: NDArray[np.bool_]
+    pinched: NDArray[np.bool_]
 
 
 class Capsules(Shapes):
