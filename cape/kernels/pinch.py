@@ -19,12 +19,12 @@ LEVEL = 1e-3  # sum of two normals that has no direction
 
 
 @inlined
-def note(shapes, s, start, end):
-    """Note where vertices start to end are, and how fast."""
-    b = shapes.before
-    for i in range(start, end):
-        k = i - start
+def note(shapes, s, i, k):
+    """Note that a collider touches vertex i, the k'th of its tile, and at first where it is and how fast."""
+    if shapes.touches[k] == 0:
+        b = shapes.before
         b[0, k], b[1, k], b[2, k], b[3, k], b[4, k], b[5, k] = s.x[i], s.y[i], s.z[i], s.vx[i], s.vy[i], s.vz[i]
+    shapes.touches[k] += 1
 
 
 @inlined
@@ -57,15 +57,15 @@ def pinching(shapes, x, y, z, share):
 
 
 @driver
-def hold_pinched(start, end, free, s, shapes, share, step, most, m):
-    """Hold those of vertices start to end, noted before contact, that two hot colliders pinch, and note which.
+def hold_pinched(start, end, s, shapes, share, step, most, m):
+    """Hold those of vertices start to end that two hot colliders pinch, and note which.
 
     They move with the mean of both surfaces, and by at most `most` [m] in this step towards the middle between them.
     """
     for i in range(start, end):
-        if not free[i]:
-            continue
         k = i - start
+        if shapes.touches[k] < 2:
+            continue
         x, y, z = shapes.before[0, k], shapes.before[1, k], shapes.before[2, k]
         a, first, nx, ny, nz, b, second, ox, oy, oz = pinching(shapes, x, y, z, share)
         shapes.pinched[i] = b >= 0
