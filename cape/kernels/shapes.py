@@ -48,7 +48,7 @@ class Shapes(NamedTuple):
     Shared by all kinds, for each tile `spreads` (T, 3), its size [m], inner speed [m/s] and whether they hold,
     and `alarm` (T + 1,), the last turn in which it was hit hard, at last of all tiles. `hot` (C + 1,), how many a tile
     is about to touch, and which; `gaps` [m], how far its vertices are off one of them; `touches`, how many have touched
-    each, and `before` (6, tile), where it was then and how fast. `between` (T,), which tiles two colliders touched last;
+    each, and `before` (6, tile), where it was then and how fast. `between` (T,), which tiles two touched last;
     `pinched` (V,), which vertices two pinched.
     """
 
