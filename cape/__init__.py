@@ -1,6 +1,7 @@
 """Cloth on moving bones: `Cloth`, `attach`, `Scene`, `simulate`, and `Simulation` for one's own loop."""
 
 from cape.attach import Attachment, attach
+from cape.auto import Auto, AutoSimulation
 from cape.batch import Batch
 from cape.cloth import Cloth, GridCloth, MeshCloth
 from cape.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
@@ -24,6 +25,8 @@ __all__ = [
     "TRBDF2",
     "XPBD",
     "Attachment",
+    "Auto",
+    "AutoSimulation",
     "BackwardEuler",
     "Batch",
     "Box",

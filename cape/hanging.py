@@ -118,6 +118,14 @@ class Hanging:
         """Substeps in `dt` [s] that the solver would choose, whatever was asked for."""
         return replace(self._solver, substeps=None).choose_substeps(self._room, dt, strained=strained)
 
+    def change_solver(self, solver: Solver) -> None:
+        """Go on with another solver from where the cloth is."""
+        if replace(solver, substeps=None) != replace(self._solver, substeps=None):
+            self._room = solver.init(self.assembly)
+            dtype = solver.dtype(self.assembly)
+            self.state = State(*(component.astype(dtype) for component in self.state))
+        self._solver = solver
+
     def settle(self, duration: float | None, velocity: FloatArray) -> None:
         """Bring the cloth to rest on bones that stand still, moving what they hold to where it is worn.
 

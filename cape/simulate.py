@@ -8,13 +8,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.auto import Auto, AutoSimulation
 from cape.contact_points import ContactPoints
 from cape.cuts import Cuts
-from cape.poses import poses_of
+from cape.poses import Bones, poses_of
 from cape.reach import reach_of
 from cape.scene import Scene
 from cape.simulation import DEFAULT_CUTS, Diverged, Simulation
 from cape.solvers import Solver
+from cape.step_error import Watch
 from cape.take import Take
 from cape.verdict import warnings_of
 from motions import quaternions
@@ -23,6 +25,7 @@ from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
 
+CHECKED = 0.5  # s
 SLOW = 20.0  # s of estimated run time that nobody needs to be warned of
 NAMED_JUMPS = 5
 SLOW_FACTOR = 4.0  # times the length of the motion, the same
@@ -36,12 +39,13 @@ def simulate(
     scene: Scene,
     track: BoneTrack,
     *,
-    solver: Solver | None = None,
+    solver: Solver | Auto | None = None,
     threads: int | None = None,
     fps: float | None = None,
     settle: float | None = None,
     cull: bool = True,
     cuts: Cuts | None = DEFAULT_CUTS,
+    check_steps: bool = False,
     name: str = "take",
     progress: Callable[[int, int], None] | None = None,
 ) -> Take:
@@ -50,12 +54,13 @@ def simulate(
     Args:
         scene: cloth, attachments, colliders, forces.
         track: poses of at least the bones that the scene uses.
-        solver: None for symplectic Euler with the step that the scene needs.
+        solver: None for symplectic Euler with the step that the scene needs; an `Auto` to have it chosen.
         threads: how many share the cloth, None for as many as pay off; the results are the same.
         fps: frames per second of the take; None for the track's own.
         settle: time to let the cloth come to rest in the first pose [s]; None for as long as it needs.
         cull: leave out the colliders that the cloth can't reach (`cape.reach`); penetration is measured in all.
         cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
+        check_steps: measure what the time step costs in accuracy, once in `CHECKED` seconds.
         name: what the take is called.
         progress: called after each frame with the number of frames done and of all.
 
@@ -75,7 +80,7 @@ def simulate(
     if fps is not None:
         track = track.resample(fps)
     reach = reach_of(scene, track) if cull else None
-    simulation = Simulation(scene if reach is None else reach.cull(scene), solver=solver, threads=threads, cuts=cuts)
+    simulation = _simulation(scene if reach is None else reach.cull(scene), solver, threads, cuts)
     poses, all_poses = poses_of(track, simulation.bones), poses_of(track, scene.bones)
     steps = np.diff(track.times)
 
@@ -92,11 +97,14 @@ def simulate(
     positions = [simulation.positions.astype(np.float32)]
     readings = [simulation.read(meter, all_poses[0])]
     solve_s, result, notes, jumps = 0.0, "finished", [], []
+    watch = _Checks(simulation) if check_steps and not isinstance(simulation, AutoSimulation) else None
     try:
         for frame in range(1, track.frames):
             begun = time.perf_counter()
             simulation.step(poses[frame], float(steps[frame - 1]))
             solve_s += time.perf_counter() - begun
+            if watch is not None:
+                watch.note(poses[frame], float(steps[frame - 1]))
             if simulation.jumps > len(jumps):
                 jumps.append(frame)
             readings.append(simulation.read(meter, all_poses[frame]))
@@ -132,11 +140,38 @@ def simulate(
         left_out={} if reach is None else reach.left_out,
         contacts=ContactPoints.joined([r.contacts for r in readings]),
         jumps=tuple(frame for frame in jumps if frame < frames),
+        step_errors=tuple(
+            simulation.errors if isinstance(simulation, AutoSimulation) else watch.errors if watch else ()
+        ),
     )
     notes += _notes_on_steps(simulation) + _notes_on_jumps(take, cuts) + warnings_of(take)
     if notes and result == "finished":
         result = "finished with warnings"
     return replace(take, result=result, warnings=tuple(notes))
+
+
+class _Checks(Watch):
+    """A watch over one part of the motion in `CHECKED` seconds."""
+
+    def __init__(self, run: Simulation) -> None:
+        super().__init__(run)
+        self._due = 0.0
+        self.begin()
+
+    def note(self, bones: Bones, dt: float) -> None:
+        super().note(bones, dt)
+        self._due += dt
+        if self.full:
+            self.end()
+        if not self.watching and self._due >= CHECKED:
+            self._due = 0.0
+            self.begin()
+
+
+def _simulation(scene: Scene, solver: Solver | Auto | None, threads: int | None, cuts: Cuts | None) -> Simulation:
+    if isinstance(solver, Auto):
+        return AutoSimulation(scene, solver, threads=threads, cuts=cuts)
+    return Simulation(scene, solver=solver, threads=threads, cuts=cuts)
 
 
 def _notes_on_steps(simulation: Simulation) -> list[str]:

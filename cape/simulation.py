@@ -190,6 +190,15 @@ class Simulation:
             raise ValueRangeError(f"offsets must be finite and of shape {cloth.positions.shape}")
         cloth.disturb(moves)
 
+    def change_solver(self, solver: Solver) -> None:
+        """Go on with another solver, or another number of its substeps, from where the cloth is.
+
+        Raises:
+            ValueRangeError: the simulation has not been started.
+        """
+        self._started.change_solver(solver)
+        self.solver = solver
+
     def compile(self, bones: Bones) -> None:
         """Compile, or load from the cache, all that the scene needs; `start` would, this call only moves the time."""
         self.start(bones, settle=SETTLING_FRAME)

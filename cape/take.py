@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cape.colliders import Collider
 from cape.contact_points import ContactPoints
 from cape.scene import Scene
+from cape.step_error import StepError
 from skeleton.capsules import Capsule
 from skeleton.track import BoneTrack
 
@@ -42,6 +43,7 @@ class Take:
         left_out: why colliders were left out of the run, by name.
         contacts: of the vertices that no bone holds with all colliders, at the end of each frame; None if not noted.
         jumps: frames at which the bones had jumped and the cloth was carried along or put on anew.
+        step_errors: what the time step has cost in accuracy, where that was measured, part by part of the motion.
         result: "finished", "finished with warnings", "diverged at frame N", or "stopped at frame N" by the user.
         warnings: what to look at, a sentence each.
     """
@@ -67,6 +69,7 @@ class Take:
     left_out: Mapping[str, str] = field(default_factory=dict)
     contacts: ContactPoints | None = None
     jumps: tuple[int, ...] = ()
+    step_errors: tuple[StepError, ...] = ()
     result: str = "finished"
     warnings: tuple[str, ...] = field(default=())
 

@@ -23,10 +23,12 @@ class Solver(ABC):
         substeps: steps in each frame, None to let the solver choose.
         precision: of the cloth's positions and velocities; None to let the solver choose.
         usual_precision: what it chooses, unless a scene needs another.
+        order: power of the step by which errors of moving cloth shrink, as measured on the scene `swing`.
     """
 
     name: ClassVar[str]
     usual_precision: ClassVar[Precision]
+    order: ClassVar[float]
     substeps: int | None = None
     precision: Precision | None = None
 

@@ -51,6 +51,7 @@ class SymplecticEuler(Solver):
 
     name: ClassVar[str] = "euler"
     usual_precision: ClassVar[Precision] = "single"
+    order: ClassVar[float] = 1.0
     margin: float = 0.9
 
     def __post_init__(self) -> None:

@@ -214,6 +214,7 @@ class BackwardEuler(ImplicitSolver):
     """Backward Euler: first order, L-stable, damps whatever is faster than its steps and some of what is slower."""
 
     name: ClassVar[str] = "backward_euler"
+    order: ClassVar[float] = 1.0
 
     @property
     def _frame(self) -> Callable[..., Any]:
@@ -230,6 +231,7 @@ class TRBDF2(ImplicitSolver):
     """
 
     name: ClassVar[str] = "tr_bdf2"
+    order: ClassVar[float] = 2.0
     tolerance: float = 1e-7
 
     @property
