@@ -171,7 +171,9 @@ class AutoSimulation(Simulation):
         self._stable = FRAME / tried.forecast(FRAME).substeps
         if self.asked.budget is None:
             self.solver = XPBD()
-            self._step = min(hanging_step(self.scene, tried.assembly, self.asked.tolerance or TOLERANCE), FRAME / FEWEST)
+            self._step = min(
+                hanging_step(self.scene, tried.assembly, self.asked.tolerance or TOLERANCE), FRAME / FEWEST
+            )
             self.solver = euler if self._euler_is_faster else XPBD(substeps=self._count(FRAME))
             return
         room = FILLED * self.asked.budget
@@ -220,8 +222,8 @@ class AutoSimulation(Simulation):
                 self._step = min(self._step * change, FRAME / FEWEST)
                 if self._euler_is_faster:
                     self.change_solver(SymplecticEuler())
-            elif share > HARD or self._finer > 1.0:
-                self._finer = max(self._finer / change, 1.0)
+            elif self._finer < FINEST if share > HARD else self._finer > 1.0:
+                self._finer = min(max(self._finer / change, 1.0), FINEST)
                 self.change_solver(self._finer_euler())
         if share <= FAR:
             self._rest = REST[self.solver.name] * (SHORT_REST if share > PRESSING else 1.0)

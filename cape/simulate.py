@@ -25,7 +25,8 @@ from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
 
-CHECKED = 0.5  # s
+CHECKED = 0.5  # s between the parts of a motion whose error is measured
+MISSED = 1.5  # of the error that was allowed, which is told of
 SLOW = 20.0  # s of estimated run time that nobody needs to be warned of
 NAMED_JUMPS = 5
 SLOW_FACTOR = 4.0  # times the length of the motion, the same
@@ -144,7 +145,9 @@ def simulate(
             simulation.errors if isinstance(simulation, AutoSimulation) else watch.errors if watch else ()
         ),
     )
-    notes += _notes_on_steps(simulation) + _notes_on_jumps(take, cuts) + warnings_of(take)
+    notes += (
+        _notes_on_steps(simulation) + _notes_on_errors(simulation) + _notes_on_jumps(take, cuts) + warnings_of(take)
+    )
     if notes and result == "finished":
         result = "finished with warnings"
     return replace(take, result=result, warnings=tuple(notes))
@@ -189,6 +192,19 @@ def _notes_on_steps(simulation: Simulation) -> list[str]:
             "ask for more substeps or a larger tolerance, or look whether limbs pinch the cloth"
         )
     return notes
+
+
+def _notes_on_errors(simulation: Simulation) -> list[str]:
+    """Tell where errors remained larger than was asked for."""
+    if not isinstance(simulation, AutoSimulation) or not simulation.errors:
+        return []
+    reached = float(np.sqrt(np.mean([error.rms**2 for error in simulation.errors])))
+    if reached <= MISSED * simulation.allowed:
+        return []
+    return [
+        f"the time step's error was {1e3 * reached:.2g} mm in the parts that were measured, more than "
+        f"{1e3 * simulation.allowed:.2g} mm: contact or buckling magnify what any step leaves"
+    ]
 
 
 def _notes_on_jumps(take: Take, cuts: Cuts | None) -> list[str]:

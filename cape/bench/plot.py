@@ -16,7 +16,7 @@ COLOURS = {
     "limit": "#aaaaaa",
 }
 NAMES = {"scalar": "scalar loop", "limit": "limit kernel", "backward_euler": "backward Euler", "tr_bdf2": "TR-BDF2"}
-NAMES |= {"euler": "symplectic Euler", "xpbd": "XPBD"}
+NAMES |= {"euler": "symplectic Euler", "xpbd": "XPBD", "auto": "chosen for a tolerance"}
 
 
 def require_matplotlib() -> None:

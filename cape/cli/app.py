@@ -38,8 +38,16 @@ def replay(
         float | None, typer.Option(help="Mean distance of the cloth's vertices [m]; by default for 1,500 of them.")
     ] = None,
     length: Annotated[float | None, typer.Option(help="Length of the cape [m]; by default to the shins.")] = None,
-    solver: Annotated[str, typer.Option(help="euler, xpbd, backward_euler or tr_bdf2.")] = "euler",
+    solver: Annotated[
+        str | None, typer.Option(help="euler (the default), xpbd, backward_euler, tr_bdf2, or auto to have one chosen.")
+    ] = None,
     substeps: Annotated[int | None, typer.Option(help="Steps per frame; by default as many as needed.")] = None,
+    tolerance: Annotated[
+        float | None, typer.Option(help="Error that the time step may cause [mm]; chooses solver and steps.")
+    ] = None,
+    budget: Annotated[
+        float | None, typer.Option(help="Wall time that a frame may take [ms]; chooses the most accurate that fits.")
+    ] = None,
     fps: Fps = None,
     wind: Annotated[
         tuple[float, float, float], typer.Option(metavar="X Y Z", help="Velocity of the air [m/s], Z up.")
@@ -59,7 +67,11 @@ def replay(
     attach: Attach = None,
     layers: Layers = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Measure again, apart from the solver, how deep vertices and faces are.")
+        bool,
+        typer.Option(
+            "--check",
+            help="Measure the error of the time step, and apart from the solver how deep vertices and faces are.",
+        ),
     ] = False,
     spawn: Spawn = False,
     json: Json = False,
@@ -76,6 +88,8 @@ def replay(
             length=length,
             solver=solver,
             substeps=substeps,
+            tolerance=tolerance,
+            budget=budget,
             wind=wind,
             cuts=cuts,
             self_contact=self_contact,

@@ -1,10 +1,13 @@
-"""How deep a take is in its colliders, measured apart from the solver: the rows of `cape replay --check`."""
+"""What `cape replay --check` tells: how deep a take is in its colliders, measured apart from the solver, and the error
+of its time step."""
 
 from typing import Any
 
 import numpy as np
 
 from cape.penetration import Deepest, penetration
+from cape.scene import Scene
+from cape.step_error import window_of
 from cape.take import Take
 
 
@@ -17,6 +20,27 @@ def checked(take: Take) -> dict[str, dict[str, Any]]:
         "vertices": _facts(take, found.vertices, "vertex"),
         "faces": _facts(take, found.faces, "triangle"),
     }
+
+
+def step_error_facts(take: Take, scene: Scene) -> dict[str, Any] | None:
+    """The error of the time step over the parts of the motion that were taken twice [mm], None where none was."""
+    errors = 1e3 * np.array([error.rms for error in take.step_errors])
+    if not len(errors):
+        return None
+    return {
+        "rms_mm": round(float(np.sqrt(np.mean(errors**2))), 4),
+        "max_mm": round(float(errors.max()), 4),
+        "seconds": window_of(scene),
+        "parts": len(errors),
+    }
+
+
+def step_error_rows(facts: dict[str, Any] | None) -> list[tuple[str, str]]:
+    """A labelled text for the terminal."""
+    if facts is None:
+        return []
+    text = f"{facts['rms_mm']:.2g} mm gathered in {facts['seconds']:g} s, {facts['max_mm']:.2g} mm at most"
+    return [("time-step error", f"{text}, of {facts['parts']} parts")]
 
 
 def check_rows(facts: dict[str, dict[str, Any]]) -> list[tuple[str, str]]:

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from cape.auto import Auto
 from cape.cli.character import Reading, open_viewer, output_path
-from cape.cli.checking import check_rows, checked
+from cape.cli.checking import check_rows, checked, step_error_facts, step_error_rows
 from cape.cli.rows import print_rows
 from cape.cli.running import simulated
 from cape.cuts import Cuts
@@ -18,10 +19,10 @@ from cape.record import LAYERS
 from cape.record.layers import check_layers
 from cape.scene import Scene
 from cape.self_contact import SelfContact
-from cape.solvers import solver
+from cape.solvers import Solver, solver
 from cape.take import Take
 from cape.wind import Wind
-from motions.errors import UnknownNameError
+from motions.errors import UnknownNameError, ValueRangeError
 
 CUTS = {"carry": Cuts(then="carry"), "reset": Cuts(then="reset"), "off": None}
 
@@ -33,11 +34,29 @@ class Cut:
     fabric: str
     spacing: float | None
     length: float | None
-    solver: str
+    solver: str | None
     substeps: int | None
+    tolerance: float | None
+    budget: float | None
     wind: tuple[float, float, float]
     cuts: str
     self_contact: bool
+
+    def method(self) -> Solver | Auto:
+        """The solver, or what is asked of it, from millimetres and milliseconds.
+
+        Raises:
+            UnknownNameError: there is no such solver.
+            ValueRangeError: a value is out of range, or a solver or its substeps are given besides what chooses them.
+        """
+        if self.tolerance is None and self.budget is None and self.solver != Auto.name:
+            return solver(self.solver or "euler", substeps=self.substeps)
+        if self.solver not in (None, Auto.name) or self.substeps is not None:
+            raise ValueRangeError("a tolerance or a budget chooses the solver and its steps: leave those out")
+        return Auto(
+            tolerance=None if self.tolerance is None else 1e-3 * self.tolerance,
+            budget=None if self.budget is None else 1e-3 * self.budget,
+        )
 
 
 def run(
@@ -51,14 +70,14 @@ def run(
     json: bool,
 ) -> int:
     """Simulate, record, report; gives the exit status."""
-    material, method, cuts = fabric(cut.fabric), solver(cut.solver, substeps=cut.substeps), _cuts(cut.cuts)
+    material, method, cuts = fabric(cut.fabric), cut.method(), _cuts(cut.cuts)
     check_layers(layers, LAYERS)
     clip, body, track = reading.character()
     path = output_path(output, clip)
     scene = dress(body, track, length=cut.length, spacing=cut.spacing, fabric=material, wind=Wind(velocity=cut.wind))
     if cut.self_contact:
         scene = replace(scene, self_contact=SelfContact())
-    take = simulated(scene, track, clip, solver=method, cuts=cuts)
+    take = simulated(scene, track, clip, solver=method, cuts=cuts, check_steps=check)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         take.save(path, layers=layers)
@@ -93,6 +112,7 @@ def _facts(take: Take, scene: Scene, bones: int, notes: list[str], path: Path) -
         "capsules": len(take.capsules),
         "solver": take.solver,
         "substeps": take.substeps,
+        "step_error": step_error_facts(take, scene),
         "compile_s": round(take.compile_s, 3),
         "settle_s": round(take.settle_s, 3),
         "solve_s": round(take.solve_s, 3),
@@ -122,6 +142,7 @@ def _print_table(take: Take, facts: dict[str, Any]) -> None:
         *(("left out", f"{name}: {reason}") for name, reason in take.left_out.items()),
         ("cape", f"{facts['vertices']} vertices"),
         ("solver", f"{facts['solver']}, {facts['substeps']} substeps a frame"),
+        *step_error_rows(facts["step_error"]),
         *_self_contact_row(facts["self_contact_mm"]),
         ("compile time", f"{facts['compile_s']:.2f} s, and {facts['settle_s']:.2f} s to put the cape on"),
         ("run time", f"{facts['solve_s']:.2f} s" + (f", {factor:g} times real time" if factor else "")),

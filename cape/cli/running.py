@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from cape.auto import Auto
 from cape.cuts import Cuts
 from cape.scene import Scene
 from cape.simulate import SlowWarning, simulate
@@ -19,7 +20,13 @@ from skeleton import BoneTrack
 
 
 def simulated(
-    scene: Scene, track: BoneTrack, clip: Clip, *, solver: Solver | None = None, cuts: Cuts | None = DEFAULT_CUTS
+    scene: Scene,
+    track: BoneTrack,
+    clip: Clip,
+    *,
+    solver: Solver | Auto | None = None,
+    cuts: Cuts | None = DEFAULT_CUTS,
+    check_steps: bool = False,
 ) -> Take:
     """Simulate, telling on standard error what was decided about the clip and how far it has got.
 
@@ -31,7 +38,9 @@ def simulated(
         console.print(f"{clip.name}: {decision}", style="dim", highlight=False, soft_wrap=True)
     with _told(console), _progress(console) as advance:
         try:
-            return simulate(scene, track, solver=solver, cuts=cuts, name=clip.name, progress=advance)
+            return simulate(
+                scene, track, solver=solver, cuts=cuts, check_steps=check_steps, name=clip.name, progress=advance
+            )
         except Diverged as error:
             raise ValueRangeError(f"the cape can't be put on: {error}") from error
 

@@ -4,16 +4,17 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from cape.auto import Auto
 from cape.bench.plot import NAMES
 from cape.report.accuracy import LAST
 from cape.report.cases import CASES, JITTER
 from cape.report.files import write_text
+from cape.report.plan import ACCURACIES_MM
 from cape.report.run import Report, Scene
 from cape.report.stability import DEGRADES, FAILS, GROWTH, PASSES, PATIENCE, PENETRATION, Outcome
 from cape.report.sweep import Row
 from cape.report.trajectory import WINDOW
 
-ACCURACIES_MM = (10.0, 3.0, 1.0, 0.3)
 SIGNS = {PASSES: "\N{LARGE GREEN CIRCLE}", DEGRADES: "\N{LARGE YELLOW CIRCLE}", FAILS: "\N{LARGE RED CIRCLE}"}
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 1100px; margin: 2em auto; padding: 0 1em; color: #222 }
@@ -67,11 +68,31 @@ def html(text: str) -> str:
 
 
 def choice(scene: Scene, accuracy_mm: float) -> Row | None:
-    """The fastest run of a scene that is as accurate [mm]; None where there is none or the reference is not surer."""
+    """The fastest run of a scene that is as accurate [mm], of those whose solver was given.
+
+    None where there is none or the reference is not surer.
+    """
     if not _error(scene, scene.uncertainty) <= accuracy_mm:
         return None
-    good = [row for row in scene.rows if row.finished and _error(scene, row) <= accuracy_mm]
+    good = [row for row in _given(scene) if row.finished and _error(scene, row) <= accuracy_mm]
     return min(good, key=lambda row: row.seconds_per_second, default=None)
+
+
+def _given(scene: Scene) -> list[Row]:
+    return [row for row in scene.rows if row.solver != Auto.name]
+
+
+def _asked(scene: Scene) -> list[str]:
+    """What became of the tolerances that were asked for, next to the fastest setting that keeps to them."""
+    rows = []
+    for row in scene.rows:
+        if row.solver == Auto.name and row.finished:
+            best = choice(scene, float(row.setting.removesuffix(" mm")))
+            fixed = "" if best is None else f"{NAMES[best.solver]}, {best.setting}: {_speed(best)}"
+            rows.append([row.setting, f"{_number(row.rms_mm)} mm", _speed(row), fixed])
+    if not rows:
+        return []
+    return ["", *_table(["asked for", "error", "speed", "fastest setting as accurate"], rows)]
 
 
 def _choices(scene: Scene) -> list[str]:
@@ -145,9 +166,8 @@ def _section(scene: Scene, *, pictures: bool, recordings: bool) -> list[str]:
     if scene.smooth:
         apart = (f"RMS mm after {WINDOW:g} s", "mean shape mm", "lowest m", "penetration mm")
         columns = [column for column in columns if column[0] not in apart]
-    return lines + _table(
-        [name for name, _ in columns], [[of(row) for _, of in columns] for row in [*scene.rows, sure]]
-    )
+    shown = [[of(row) for _, of in columns] for row in [*_given(scene), sure]]
+    return [*lines, *_table([name for name, _ in columns], shown), *_asked(scene)]
 
 
 def _and_window(sure: Row) -> str:

@@ -7,6 +7,9 @@ from cape.scenes import STANDARD_SCENES
 from cape.solvers import SOLVERS
 
 
+ACCURACIES_MM = (10.0, 3.0, 1.0, 0.3)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Plan:
     """What `run` measures.
@@ -17,6 +20,7 @@ class Plan:
         every: second, third... of the settings of a solver.
         repeats: times that a run is taken; the least time of each frame counts.
         seconds: of each scene's motion at most [s].
+        tolerances_mm: that are asked of `Auto` in smooth scenes, where errors of whole runs mean something [mm].
         scene_s: wall time for all runs of a scene [s]; slower settings are left out, and named.
         cases: names of the stress cases.
         case_repeats: how often each is run, from jittered starts.
@@ -27,6 +31,7 @@ class Plan:
     every: int
     repeats: int
     seconds: float
+    tolerances_mm: tuple[float, ...] = ACCURACIES_MM
     scene_s: float
     cases: tuple[str, ...] = tuple(CASES)
     case_repeats: int

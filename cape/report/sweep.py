@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cape.auto import Auto
 from cape.bench.figures import Figures
 from cape.report.accuracy import LAST, Error, Reference, converge, error_of, window_error
 from cape.report.plan import Plan
@@ -113,6 +114,9 @@ def sweep(stage: Stage, plan: Plan, told: Told = lambda steps: lambda: None) -> 
         told: called with the number of steps; gives what is called after each.
     """
     settings = {solver: settings_for(stage, solver, every=plan.every) for solver in plan.solvers}
+    if stage.standard.smooth:
+        asked = [Setting(Auto.name, options=(("tolerance", 1e-3 * mm),)) for mm in plan.tolerances_mm]
+        settings[Auto.name] = asked
     advance = told(1 + sum(map(len, settings.values())))
     begun = time.perf_counter()
     reference = converge(
@@ -126,12 +130,13 @@ def sweep(stage: Stage, plan: Plan, told: Told = lambda steps: lambda: None) -> 
     advance()
     name, rows, shown = stage.standard.name, [], {}
     left = max(plan.scene_s - (time.perf_counter() - begun), (1.0 - REFERENCE_SHARE) * plan.scene_s)
-    for k, solver in enumerate(plan.solvers):
-        share = left / (len(plan.solvers) - k)
+    for k, solver in enumerate(settings):
+        share = left / (len(settings) - k)
         for row, run in _runs(stage, settings[solver], plan.repeats, share, reference.trajectory):
             rows.append(row)
             if run is not None:
                 left -= run.spent
+            if run is not None and solver != Auto.name:
                 best = shown.get(solver)
                 if best is None or _is_better(row, error_of(best, reference.trajectory), best):
                     shown[solver] = run

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.auto import Auto, AutoSimulation
 from cape.poses import poses_of
+from cape.scene import Scene
 from cape.scenes import StandardScene
 from cape.simulation import Diverged, Simulation, Snapshot
-from cape.solvers import SOLVERS, Solver
+from cape.solvers import SOLVERS
 
 FloatArray = NDArray[np.float64]
 Stopped = Callable[[float], bool]
@@ -25,21 +27,26 @@ class Setting:
     """A solver and what is asked of it.
 
     Attributes:
-        solver: its name.
+        solver: its name, or "auto".
         substeps: steps in each frame, None to let the solver choose.
-        options: other fields of the solver.
+        options: other fields of the solver, or of `Auto`.
     """
 
     solver: str
     substeps: int | None = None
     options: tuple[tuple[str, Any], ...] = ()
 
-    def make(self) -> Solver:
-        """The solver."""
-        return SOLVERS[self.solver](substeps=self.substeps, **dict(self.options))
+    def simulation(self, scene: Scene, *, threads: int) -> Simulation:
+        """A simulation of a scene with the solver, or that chooses one."""
+        options = dict(self.options)
+        if self.solver == Auto.name:
+            return AutoSimulation(scene, Auto(**options), threads=threads)
+        return Simulation(scene, solver=SOLVERS[self.solver](substeps=self.substeps, **options), threads=threads)
 
     def __str__(self) -> str:
-        """Such as "20 substeps, iterations 4"; "default" where nothing is asked for."""
+        """Such as "20 substeps, iterations 4" or "3 mm"; "default" where nothing is asked for."""
+        if self.solver == Auto.name:
+            return f"{1e3 * dict(self.options)['tolerance']:g} mm"
         steps = "default" if self.substeps is None else f"{self.substeps} substep" + "s" * (self.substeps > 1)
         return ", ".join([steps, *(f"{name} {value}" for name, value in self.options)])
 
@@ -213,4 +220,4 @@ class Stage:
         return float(self.times[frame] - self.times[frame - 1])
 
     def _simulation(self, setting: Setting) -> Simulation:
-        return Simulation(self.standard.scene, solver=setting.make(), threads=self.threads)
+        return setting.simulation(self.standard.scene, threads=self.threads)
