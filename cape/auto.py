@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from cape.assemble import Assembly
 from cape.cuts import Cuts
-from cape.poses import Bones
+from cape.poses import Bones, Pose
 from cape.reach import geodesic_distances
 from cape.scene import Scene
 from cape.simulation import DEFAULT_CUTS, Simulation, Snapshot
@@ -32,6 +32,7 @@ DEARER = 2.2  # times as long as one of Euler takes a step of XPBD
 SAG, LAG = 0.3, 5.7  # share, and m/s: errors of XPBD on a hanging cloth (`hanging_step`)
 FEWEST = 8  # steps of XPBD in a frame at 60 Hz: with fewer, cloth is rubber
 GATHERED = {"xpbd": 0.8, "euler": 0.2}  # of the tolerance, for a part of a free motion: a whole run gathers more
+START = 1.2  # times the tolerance, that a first guess aims at
 AIM = 0.8  # of the error that is allowed, which a change of the step aims at
 EASY, HARD = 0.25, 1.25  # of it, below which longer steps are tried, and above which shorter ones
 LEAST_CHANGE, MOST_CHANGE = 0.25, 1.5  # of the step at once: it becomes longer slowly, as a motion may begin gently
@@ -137,7 +138,8 @@ class AutoSimulation(Simulation):
 
     def start_from(self, snapshot: Snapshot) -> None:
         """Choose solver and steps, then start as `Simulation.start_from` does."""
-        self._choose(snapshot.first_pose)
+        # Its last bone is the world.
+        self._choose(Pose(*(values[:-1] for values in snapshot.first_pose)))
         self._cloth = None
         super().start_from(snapshot)
         self._begin_to_watch()
@@ -172,7 +174,7 @@ class AutoSimulation(Simulation):
         if self.asked.budget is None:
             self.solver = XPBD()
             self._step = min(
-                hanging_step(self.scene, tried.assembly, self.asked.tolerance or TOLERANCE), FRAME / FEWEST
+                hanging_step(self.scene, tried.assembly, START * (self.asked.tolerance or TOLERANCE)), FRAME / FEWEST
             )
             self.solver = euler if self._euler_is_faster else XPBD(substeps=self._count(FRAME))
             return

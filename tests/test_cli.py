@@ -74,6 +74,10 @@ BAD = {
     "a wind that is not finite": (["replay", "--wind", "nan", "0", "0"], "wind"),
     "an unknown way to treat cuts": (["replay", "--cuts", "tear"], "carry"),
     "no substeps": (["replay", "--substeps", "0"], "substeps"),
+    "no tolerance": (["replay", "--tolerance", "0"], "tolerance"),
+    "a tolerance and a budget": (["replay", "--tolerance", "1", "--budget", "4"], "or a budget"),
+    "a tolerance and a solver": (["replay", "--tolerance", "1", "--solver", "xpbd"], "chooses the solver"),
+    "a budget and substeps": (["replay", "--budget", "4", "--substeps", "8"], "leave"),
     "no frame rate": (["replay", "--fps", "0"], "fps"),
     "a start after the end": (["replay", "--start", "3", "--end", "2"], "3 s"),
     "an unknown option": (["replay", "--nope"], "--nope"),
@@ -196,6 +200,29 @@ def test_a_check_measures_apart_from_the_solver(tmp_path):
     assert facts["check"]["vertices"]["depth_mm"] == pytest.approx(facts["penetration_max_mm"], abs=2e-3)
     assert "check" not in json.loads(cape(*base, "--json", folder=tmp_path).stdout)
     assert re.search(r"check of faces +\d+\.\d mm", cape(*base, "--check", folder=tmp_path).stdout)
+
+
+def test_a_check_measures_the_error_of_the_time_step(tmp_path):
+    base = ["replay", "walk", "--end", "0.4", "-o", "out.rrd", "--check", "--json"]
+    errors = [
+        json.loads(cape(*base, *more, folder=tmp_path).stdout)["step_error"] for more in ([], ["--substeps", "400"])
+    ]
+    assert all(error["seconds"] == 0.1 and error["parts"] == 1 for error in errors)
+    assert 0.0 < errors[1]["rms_mm"] < errors[0]["rms_mm"] == errors[0]["max_mm"] < 10.0
+
+
+def test_a_tolerance_or_a_budget_chooses_solver_and_steps(tmp_path):
+    base = ["replay", "walk", "--end", "0.4", "-o", "out.rrd", "--json"]
+    plain = json.loads(cape(*base, folder=tmp_path).stdout)
+    assert plain["step_error"] is None
+    chosen = json.loads(cape(*base, "--tolerance", "5", folder=tmp_path).stdout)
+    assert chosen["solver"] in ("euler", "xpbd")
+    assert chosen["step_error"]["parts"] >= 1
+    fine = json.loads(cape(*base, "--budget", "10000", folder=tmp_path).stdout)
+    assert fine["solver"] == "euler"
+    assert fine["substeps"] == pytest.approx(8 * plain["substeps"], abs=8)
+    text = cape("replay", "walk", "--end", "0.4", "-o", "out.rrd", "--solver", "auto", folder=tmp_path).stdout
+    assert "mm gathered in 0.1 s" in unfolded(text)
 
 
 def test_replay_says_what_it_left_out_and_why(tmp_path):

@@ -6,7 +6,6 @@ from cape.report.cases import CASES
 from cape.scenes import STANDARD_SCENES
 from cape.solvers import SOLVERS
 
-
 ACCURACIES_MM = (10.0, 3.0, 1.0, 0.3)
 
 
