@@ -52,14 +52,16 @@ def standard_scene(name: str) -> StandardScene:
     return STANDARD_SCENES[name]()
 
 
-def swing(*, spacing: float = 0.03, fabric: Fabric | None = None, seconds: float = 3.0) -> StandardScene:
+def swing(
+    *, spacing: float = 0.03, fabric: Fabric | None = None, seconds: float = 3.0, fps: float = FPS
+) -> StandardScene:
     """A sheet of twill, 0.8 x 1.2 m, whose top edge is moved forth and back by 15 cm, once in two seconds, from rest.
 
-    Twice as often it would buckle on its way back.
+    Twice as often it would buckle on its way back. `fps` are the frames a second in which the motion is told.
     """
     fabric = fabric or FABRICS["twill"]
     cloth = Cloth.rectangle(width=0.8, height=1.2, spacing=spacing, fabric=fabric, origin=(0.0, 0.4, 1.5))
-    times = frame_times(seconds)
+    times = frame_times(seconds, fps)
     # The sine sets out slowly over a quarter of its period, so that it has no kink that a step could not resolve.
     ramp = np.clip(times / 0.5, 0.0, 1.0)
     place = np.zeros((len(times), 3))
@@ -174,9 +176,9 @@ STANDARD_SCENES: dict[str, Callable[[], StandardScene]] = {
 }
 
 
-def frame_times(seconds: float) -> FloatArray:
+def frame_times(seconds: float, fps: float = FPS) -> FloatArray:
     """Times of the frames of a motion [s]."""
-    return np.arange(round(seconds * FPS) + 1) / FPS
+    return np.arange(round(seconds * fps) + 1) / fps
 
 
 def track_of(times: FloatArray, turns: dict[str, FloatArray] | None = None, **places: FloatArray) -> BoneTrack:
