@@ -59,7 +59,8 @@ def interpolation_error(fps: int) -> float:
     The rod itself is off by e <= h^2 / 8 max |a|. The sheet swings like a chain: of a motion e of its upper end its
     slowest swing gets the share 2 / (j01 J1(j01)) = 1.6 at the hem. Its part q that is not carried along obeys
     q'' + w^2 q = -1.6 e''; by Duhamel's integral, integrated by parts twice with e = e' = 0 at the start, it is
-    -1.6 (e - w times the integral of sin(w (t - s)) e(s) ds), at most 1.6 (1 + w t) max e.
+    -1.6 (e - w times the integral of sin(w (t - s)) e(s) ds), at most 1.6 (1 + w t) max e. Faster swings get smaller
+    shares, and are left out.
     """
     slowest = 2.0 * np.pi / chain_period(1.2, 9.81)
     return (1.0 + 1.6 * (1.0 + slowest * SECONDS)) * greatest_acceleration() / (8.0 * fps**2)

@@ -115,8 +115,10 @@ def _space(report: Report, *, pictures: bool) -> list[str]:
         f"{NAMES[space.REFERENCE]}, as a root mean square over the same points of the pattern. Swinging: the flat "
         "sheet's slowest swing, against the period of a chain that does not stretch, 4 pi / 2.4048 sqrt(L / g). The "
         "order p tells that halving the spacing divides what is left of the error by 2^p; a negative one, that the "
-        "figure does not converge. Symplectic Euler shortens its steps with the spacing; XPBD by default does not, and "
-        "each of its steps solves a finer mesh less well: fine meshes need more substeps of it. Last, wall time per "
+        "figure does not converge. At order 2 the finest sheet is itself still off by a third of what the last halving "
+        "has changed; the period's error does not end at zero, since threads that stretch slow the swing. Symplectic "
+        "Euler shortens its steps with the spacing; XPBD by default does not, and each of its steps solves a finer "
+        "mesh less well: fine meshes need more substeps of it. Last, wall time per "
         "second of motion.",
         "",
         *(["![One sheet at several spacings](space.png)", ""] if pictures else []),
