@@ -201,6 +201,9 @@ def test_an_interrupted_report_does_not_measure_a_spacing_twice(
     assert steps == [("spacings", 3)] * 5
     assert [(row.solver, row.spacing_m) for row in report.space] == [("xpbd", 0.06), ("xpbd", 0.03)]
     assert [row["spacing_m"] for row in report.as_json()["space"]] == [0.06, 0.03]
+    # Of solvers that are not measured, none is asked for.
+    assert run.run(dataclasses.replace(plan, solvers=("tr_bdf2",)), tmp_path, told).space == []
+    assert len(asked) == 4
 
 
 def test_only_the_full_report_measures_spacings():

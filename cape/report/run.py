@@ -157,9 +157,9 @@ def run(
 
 def _space(plan: Plan, parts: "_Parts", told: Told) -> list[SpaceRow]:
     """Measure one cape at all spacings of the plan, the reference first."""
-    if not plan.spacings:
-        return []
     wanted = [(solver, h) for solver in spacings.MEASURED if solver in plan.solvers for h in plan.spacings]
+    if not wanted:
+        return []
     reference = spacings.REFERENCE, min(plan.spacings)
     found: dict[tuple[str, float], spacings.Measured] = {}
     every = dict.fromkeys([reference, *wanted])
