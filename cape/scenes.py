@@ -52,14 +52,16 @@ def standard_scene(name: str) -> StandardScene:
     return STANDARD_SCENES[name]()
 
 
-def swing(*, spacing: float = 0.03, fabric: Fabric | None = None, seconds: float = 3.0) -> StandardScene:
+def swing(
+    *, spacing: float = 0.03, fabric: Fabric | None = None, seconds: float = 3.0, fps: float = FPS
+) -> StandardScene:
     """A sheet of twill, 0.8 x 1.2 m, whose top edge is moved forth and back by 15 cm, once in two seconds, from rest.
 
-    Twice as often it would buckle on its way back.
+    Twice as often it would buckle on its way back. `fps` are the frames a second in which the motion is told.
     """
     fabric = fabric or FABRICS["twill"]
     cloth = Cloth.rectangle(width=0.8, height=1.2, spacing=spacing, fabric=fabric, origin=(0.0, 0.4, 1.5))
-    times = frame_times(seconds)
+    times = frame_times(seconds, fps)
     # The sine sets out slowly over a quarter of its period, so that it has no kink that a step could not resolve.
     ramp = np.clip(times / 0.5, 0.0, 1.0)
     place = np.zeros((len(times), 3))
@@ -85,6 +87,28 @@ def draped(name: str, collider: Sphere | Box, *, spacing: float = 0.03, seconds:
     return StandardScene(
         name, Scene(cloth, [], [collider], wind=Wind()), track_of(times, ground=np.zeros((len(times), 3)))
     )
+
+
+def curtain(*, spacing: float = 0.03, gather: float = 1.0, seconds: float = 1.0) -> StandardScene:
+    """A sheet of twill, 0.72 x 1.2 m, whose top edge is held still in two waves, and whose hem opens by itself.
+
+    Along the edge its direction turns as gather sin(k u), the sine-generated curve of Langbein and Leopold 1966, "River
+    meanders": as long as the pattern, so that the sheet starts without strain. `gather` is the largest angle to the
+    straight line [rad], 0 for a sheet that hangs flat. Half of 6 cm, and half of that, cut the sheet evenly, too.
+    """
+    cloth = Cloth.rectangle(width=0.72, height=1.2, spacing=spacing, fabric=FABRICS["twill"])
+    u, v = cloth.pattern.T
+    # So fine that the curve is the same to a nanometre whatever the spacing.
+    lines = np.linspace(0.0, 0.72, 20_001)
+    angles = gather * np.sin(2.0 * np.pi * 2.0 * (lines[1:] + lines[:-1]) / 2.0 / 0.72)
+    along, off = (
+        np.interp(u, lines, np.concatenate([[0.0], np.cumsum(np.diff(lines) * part)]))
+        for part in (np.cos(angles), np.sin(angles))
+    )
+    cloth = replace(cloth, positions=np.stack([off, -along, 1.5 - v], axis=1))
+    times = frame_times(seconds)
+    track = track_of(times, rod=np.zeros((len(times), 3)))
+    return StandardScene("curtain", Scene(cloth, [attach(cloth, "rod", "top")]), track, smooth=True)
 
 
 def plain(*, spacing: float = 0.0257, fabric: Fabric | None = None, seconds: float = 10.0) -> StandardScene:
@@ -152,9 +176,9 @@ STANDARD_SCENES: dict[str, Callable[[], StandardScene]] = {
 }
 
 
-def frame_times(seconds: float) -> FloatArray:
+def frame_times(seconds: float, fps: float = FPS) -> FloatArray:
     """Times of the frames of a motion [s]."""
-    return np.arange(round(seconds * FPS) + 1) / FPS
+    return np.arange(round(seconds * fps) + 1) / fps
 
 
 def track_of(times: FloatArray, turns: dict[str, FloatArray] | None = None, **places: FloatArray) -> BoneTrack:

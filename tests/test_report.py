@@ -315,7 +315,9 @@ def test_the_command_refuses_what_does_not_exist(option: str, name: str, tmp_pat
 def test_the_command_writes_page_diagrams_facts_and_recordings(tmp_path: Path):
     import rerun as rr
 
-    plan = dataclasses.replace(TINY, scenes=("swing",), solvers=("euler",), every=4, cases=("jerky",))
+    plan = dataclasses.replace(
+        TINY, scenes=("swing",), solvers=("euler",), every=4, cases=("jerky",), spacings=(0.06, 0.03)
+    )
     script = f"""
 import sys
 from cape.report.plan import Plan
@@ -332,14 +334,16 @@ if __name__ == "__main__":
     assert "Which solver for which accuracy" in done.stdout
     folder = tmp_path / "out"
     assert {found.name for found in folder.iterdir()} == {
-        "REPORT.md", "REPORT.html", "report.json", "swing.png", "swing.rrd",
+        "REPORT.md", "REPORT.html", "report.json", "swing.png", "swing.rrd", "space.png",
     }  # fmt: skip
     facts = json.loads((folder / "report.json").read_text())
-    assert set(facts) == {"machine", "versions", "plan", "rows", "stability", "references"}
+    assert set(facts) == {"machine", "versions", "plan", "rows", "stability", "space", "references"}
     assert {"scene", "solver", "setting", "substeps", "seconds_per_second", "rms_mm", "max_mm"} <= set(facts["rows"][0])
     assert {
         "case", "solver", "repeats", "result", "stretch_max", "penetration_max_mm", "energy_growth", "seconds",
     } <= set(facts["stability"][0])  # fmt: skip
+    assert [row["spacing_m"] for row in facts["space"]] == [0.06, 0.03]
+    assert "<h2>What resolution buys</h2>" in (folder / "REPORT.html").read_text()
     entities = {str(chunk.entity_path) for chunk in rr.chunk.RrdReader(folder / "swing.rrd").stream()}
     assert {"/runs/reference/cape", "/runs/euler/cape", "/plots/euler"} <= entities
 

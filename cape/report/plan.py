@@ -23,6 +23,7 @@ class Plan:
         scene_s: wall time for all runs of a scene [s]; slower settings are left out, and named.
         cases: names of the stress cases.
         case_repeats: how often each is run, from jittered starts.
+        spacings: of the vertices of one cape [m], from wide to narrow; none to leave out what they are worth.
     """
 
     scenes: tuple[str, ...] = tuple(STANDARD_SCENES)
@@ -34,9 +35,10 @@ class Plan:
     scene_s: float
     cases: tuple[str, ...] = tuple(CASES)
     case_repeats: int
+    spacings: tuple[float, ...] = ()
 
 
-FULL = Plan(every=1, repeats=5, seconds=10.0, scene_s=100.0, case_repeats=10)
+FULL = Plan(every=1, repeats=5, seconds=10.0, scene_s=100.0, case_repeats=10, spacings=(0.06, 0.03, 0.015, 0.0075))
 # These cases compile nothing that the scenes do not.
 FREE = ("pulled", "crumpled", "flattened", "twisted", "teleported", "half a turn", "light", "shaken", "jerky")
 QUICK = Plan(scenes=("swing", "walk"), every=2, repeats=3, seconds=2.0, scene_s=15.0, cases=FREE, case_repeats=2)

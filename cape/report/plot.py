@@ -1,10 +1,12 @@
-"""Work-precision diagrams: what accuracy costs."""
+"""Work-precision diagrams, what accuracy costs; and what the spacing of the vertices is worth."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from cape.bench.plot import COLOURS, NAMES, require_matplotlib
 from cape.report.run import Scene
+from cape.report.space import Row as SpaceRow
 from cape.report.trajectory import WINDOW
 
 FLOOR_MM = 1e-4  # smaller errors are drawn here
@@ -57,5 +59,39 @@ def draw(axes: Any, scene: Scene, kind: str) -> None:
 
     axes.set(xscale="log", yscale="log", ylabel="wall time per second of motion [s]")
     axes.set_xlim(left=left)
+    axes.grid(True, which="major", alpha=0.3)
+    axes.legend(fontsize=8, frameon=False)
+
+
+def save_space_diagram(rows: Sequence[SpaceRow], path: Path) -> None:
+    """Draw the errors of the resting shape and of the period against the spacing into a PNG file.
+
+    Raises:
+        UserError: matplotlib is not installed.
+    """
+    require_matplotlib()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13.0, 4.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    shape, period = figure.subplots(1, 2)
+    draw_space(shape, [(row, row.shape_mm) for row in rows], "distance from the finest sheet at rest [mm]")
+    draw_space(period, [(row, 100.0 * abs(row.period_error)) for row in rows], "error of the period [%]")
+    figure.suptitle("One sheet at several spacings")
+    figure.savefig(path, dpi=120)
+
+
+def draw_space(axes: Any, errors: Sequence[tuple[SpaceRow, float]], label: str) -> None:
+    """Draw errors, each with the row it belongs to, against the spacing, log-log."""
+    for solver in dict.fromkeys(row.solver for row, _ in errors):
+        points = [(100.0 * row.spacing_m, error) for row, error in errors if row.solver == solver and error > 0.0]
+        if points:
+            style = {"color": COLOURS.get(solver, "black"), "marker": "o", "markersize": 4}
+            axes.plot(*zip(*points, strict=True), **style, label=NAMES.get(solver, solver))
+    ticks = sorted({100.0 * row.spacing_m for row, _ in errors})
+    axes.set(xscale="log", yscale="log", xlabel="spacing [cm]", ylabel=label)
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.minorticks_off()
     axes.grid(True, which="major", alpha=0.3)
     axes.legend(fontsize=8, frameon=False)

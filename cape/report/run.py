@@ -10,10 +10,12 @@ from typing import Any
 
 from cape.bench.machine import machine, versions
 from cape.kernels import jit
+from cape.report import space as spacings
 from cape.report.cases import CASES
 from cape.report.compile import compile_all
 from cape.report.files import write_text
 from cape.report.plan import Plan
+from cape.report.space import Row as SpaceRow
 from cape.report.stability import Outcome, stress
 from cape.report.sweep import Row, Sweep, sweep
 from cape.report.trajectory import Stage
@@ -80,11 +82,13 @@ class Report:
         plan: what was asked for.
         scenes: error against run time.
         stability: what became of each stress case with each solver.
+        space: what the spacing of the vertices is worth.
     """
 
     plan: Plan
     scenes: list[Scene]
     stability: list[Outcome]
+    space: list[SpaceRow] = field(default_factory=list)
     machine: dict[str, Any] = field(default_factory=machine)
     versions: dict[str, str] = field(default_factory=versions)
 
@@ -96,6 +100,7 @@ class Report:
             "plan": asdict(self.plan),
             "rows": [row.as_json() for scene in self.scenes for row in scene.rows],
             "stability": [outcome.as_json() for outcome in self.stability],
+            "space": [row.as_json() for row in self.space],
             "references": [scene.uncertainty.as_json() for scene in self.scenes],
         }
 
@@ -114,8 +119,8 @@ def run(
     Args:
         plan: how much.
         folder: where the figures of what is done are kept until all are there; an interrupted run goes on from them.
-        told: called before each scene, and before the stress cases, with a name and the number of steps; gives what is
-            called at each step.
+        told: called before each scene, before the stress cases and before the spacings, with a name and the number of
+            steps; gives what is called at each step.
         keep: called with each scene's runs while they are in memory.
 
     Raises:
@@ -147,11 +152,31 @@ def run(
                 parts.write(part, known)
             outcomes.append(Outcome.from_json(known))
             advance()
-    return Report(plan, scenes, outcomes)
+    return Report(plan, scenes, outcomes, _space(plan, parts, told))
+
+
+def _space(plan: Plan, parts: "_Parts", told: Told) -> list[SpaceRow]:
+    """Measure one cape at all spacings of the plan, the reference first."""
+    wanted = [(solver, h) for solver in spacings.MEASURED if solver in plan.solvers for h in plan.spacings]
+    if not wanted:
+        return []
+    reference = spacings.REFERENCE, min(plan.spacings)
+    found: dict[tuple[str, float], spacings.Measured] = {}
+    every = dict.fromkeys([reference, *wanted])
+    advance = told("spacings", len(every))
+    for solver, spacing in every:
+        part = f"{solver} at {100.0 * spacing:g} cm"
+        known = parts.read(part)
+        if known is None:
+            known = spacings.measure(solver, spacing, repeats=plan.repeats).as_json()
+            parts.write(part, known)
+        found[solver, spacing] = spacings.Measured.from_json(known)
+        advance()
+    return spacings.rows_of([found[each] for each in wanted], found[reference])
 
 
 class _Parts:
-    """Figures of the scenes and cases that are done, in files that only an interrupted run leaves behind."""
+    """Figures of the scenes, cases and spacings that are done, in files that only an interrupted run leaves behind."""
 
     def __init__(self, folder: Path | None, plan: Plan) -> None:
         self._folder = None if folder is None else folder / PARTS
@@ -159,7 +184,7 @@ class _Parts:
         self._key = hashlib.sha256(stamp.encode()).hexdigest()
 
     def read(self, name: str) -> dict[str, Any] | None:
-        """What is there of a scene or case by the same plan on the same machine and version."""
+        """What is there of a scene, case or spacing by the same plan on the same machine and version."""
         if self._folder is None:
             return None
         try:
@@ -169,7 +194,7 @@ class _Parts:
         return found["figures"] if isinstance(found, dict) and found.get("key") == self._key else None
 
     def write(self, name: str, figures: dict[str, Any]) -> None:
-        """Keep the figures of a scene or case."""
+        """Keep the figures of a scene, case or spacing."""
         if self._folder is None:
             return
         try:
