@@ -120,6 +120,9 @@ def solve_newton_step(lo, hi, problem, penalty, b, forcing, team):
 def solve_stage(lo, hi, problem, substep, b, team):
     """Solve a stage by Newton's method from the positions at hand; counts it if that does not converge."""
     s, work, front, penalty = problem.state, problem.work, problem.matrix.front, problem.penalty
+    # What is left to correct acts on a vertex like a force, of its mass times that over b squared.
+    shorter = min(1.0, b / problem.settings.usual)
+    tolerance = problem.settings.tolerance * shorter * shorter
     evaluate(lo, hi, problem, substep, penalty, b, team)
     for _ in range(problem.settings.iterations):
         slope = solve_newton_step(lo, hi, problem, penalty, b, problem.settings.forcing, team)
@@ -137,7 +140,7 @@ def solve_stage(lo, hi, problem, substep, b, team):
             here = slope_here(lo, hi, front, work, team)
             if here >= -SLOPE * slope:
                 break
-        left = share * largest_correction(lo, hi, front, work, problem.settings.tolerance, penalty, b)
+        left = share * largest_correction(lo, hi, front, work, tolerance, penalty, b)
         if largest_of_all(lo, hi, left, work, team) < 1.0:
             return
     problem.counts[UNSOLVED] += 1

@@ -12,7 +12,7 @@ from cape.assemble import Assembly, force_model, force_scratch, inertia_of
 from cape.cloth import GridCloth
 from cape.kernels.conjugate import CHUNK
 from cape.kernels.grid import GridRoom
-from cape.kernels.implicit import UNSOLVED, backward_euler_frame, tr_bdf2_frame
+from cape.kernels.implicit import GAMMA, UNSOLVED, backward_euler_frame, tr_bdf2_frame
 from cape.kernels.records import Attached, Contacts, ForceModel, Inertia, Motion, MotionRoom, State
 from cape.solvers.base import Precision, Solver
 from motions.errors import ValueRangeError
@@ -59,9 +59,10 @@ class Work(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """See `ImplicitSolver`."""
+    """See `ImplicitSolver`; the tolerance is for steps that are solved with a b of `usual` [s] or more."""
 
     tolerance: float
+    usual: float
     iterations: int
     forcing: float
     linear_iterations: int
@@ -114,14 +115,17 @@ class ImplicitSolver(Solver):
     vertex's own 3x3 block as preconditioner.
 
     Attributes:
+        stage: b in A = M - b^2 df/dx of the method's stages, as a share of its step.
         tolerance: a stage is solved when no vertex is corrected by more than this [m], nor one that is pressed onto a
             collider by more than 1e-4 m/s; what is left is far less, as Newton's method converges faster than linearly.
+            In steps shorter than the usual ones it shrinks as their square, so that what is left is the same force.
         iterations: Newton steps at most in a stage.
         forcing: residual of a linear system, relative to its right hand side, at which it is solved well enough.
         linear_iterations: of the conjugate gradients, at most in a Newton step.
     """
 
     usual_precision: ClassVar[Precision] = "double"
+    stage: ClassVar[float]
     tolerance: float = 1e-6
     iterations: int = 40
     forcing: float = 0.1
@@ -200,7 +204,8 @@ class ImplicitSolver(Solver):
         self, assembly: Assembly, room: ImplicitRoom, rank: int, state: State, motion: Motion
     ) -> tuple[Problem]:
         own = assembly.ranks[rank]
-        settings = Settings(self.tolerance, self.iterations, self.forcing, self.linear_iterations)
+        usual = self.stage / (60.0 * SUBSTEPS)
+        settings = Settings(self.tolerance, usual, self.iterations, self.forcing, self.linear_iterations)
         return (
             Problem(
                 state, room.model, room.inertia, room.scratch[rank], room.matrix, room.works[rank], settings,
@@ -215,6 +220,7 @@ class BackwardEuler(ImplicitSolver):
 
     name: ClassVar[str] = "backward_euler"
     order: ClassVar[float] = 1.0
+    stage: ClassVar[float] = 1.0
 
     @property
     def _frame(self) -> Callable[..., Any]:
@@ -232,6 +238,7 @@ class TRBDF2(ImplicitSolver):
 
     name: ClassVar[str] = "tr_bdf2"
     order: ClassVar[float] = 2.0
+    stage: ClassVar[float] = 0.5 * GAMMA
     tolerance: float = 1e-7
 
     @property
