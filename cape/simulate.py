@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cape.contact_points import ContactPoints
 from cape.cuts import Cuts
+from cape.ledger import Ledger
 from cape.poses import poses_of
 from cape.reach import reach_of
 from cape.scene import Scene
@@ -42,6 +43,7 @@ def simulate(
     settle: float | None = None,
     cull: bool = True,
     cuts: Cuts | None = DEFAULT_CUTS,
+    ledger: Ledger | None = None,
     name: str = "take",
     progress: Callable[[int, int], None] | None = None,
 ) -> Take:
@@ -56,6 +58,7 @@ def simulate(
         settle: time to let the cloth come to rest in the first pose [s]; None for as long as it needs.
         cull: leave out the colliders that the cloth can't reach (`cape.reach`); penetration is measured in all.
         cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
+        ledger: to account for the energy of the run; None for none.
         name: what the take is called.
         progress: called after each frame with the number of frames done and of all.
 
@@ -75,7 +78,8 @@ def simulate(
     if fps is not None:
         track = track.resample(fps)
     reach = reach_of(scene, track) if cull else None
-    simulation = Simulation(scene if reach is None else reach.cull(scene), solver=solver, threads=threads, cuts=cuts)
+    scene_in_reach = scene if reach is None else reach.cull(scene)
+    simulation = Simulation(scene_in_reach, solver=solver, threads=threads, cuts=cuts, ledger=ledger)
     poses, all_poses = poses_of(track, simulation.bones), poses_of(track, scene.bones)
     steps = np.diff(track.times)
 

@@ -59,6 +59,7 @@ class XPBD(Solver):
 
     name: ClassVar[str] = "xpbd"
     usual_precision: ClassVar[Precision] = "single"
+    sweeps: ClassVar[bool] = True
     iterations: int = 1
 
     def __post_init__(self) -> None:
