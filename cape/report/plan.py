@@ -20,6 +20,7 @@ class Plan:
         scene_s: wall time for all runs of a scene [s]; slower settings are left out, and named.
         cases: names of the stress cases.
         case_repeats: how often each is run, from jittered starts.
+        balances: names of the standard scenes whose energy is accounted for.
     """
 
     scenes: tuple[str, ...] = tuple(STANDARD_SCENES)
@@ -30,9 +31,10 @@ class Plan:
     scene_s: float
     cases: tuple[str, ...] = tuple(CASES)
     case_repeats: int
+    balances: tuple[str, ...] = ()
 
 
-FULL = Plan(every=1, repeats=5, seconds=10.0, scene_s=100.0, case_repeats=10)
+FULL = Plan(every=1, repeats=5, seconds=10.0, scene_s=100.0, case_repeats=10, balances=("swing", "sphere", "walk"))
 # These cases compile nothing that the scenes do not.
 FREE = ("pulled", "crumpled", "flattened", "twisted", "teleported", "half a turn", "light", "shaken", "jerky")
 QUICK = Plan(scenes=("swing", "walk"), every=2, repeats=3, seconds=2.0, scene_s=15.0, cases=FREE, case_repeats=2)

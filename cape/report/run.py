@@ -12,6 +12,7 @@ from cape.bench.machine import machine, versions
 from cape.kernels import jit
 from cape.report.cases import CASES
 from cape.report.compile import compile_all
+from cape.report.energy import Account, accounts
 from cape.report.files import write_text
 from cape.report.plan import Plan
 from cape.report.stability import Outcome, stress
@@ -80,11 +81,13 @@ class Report:
         plan: what was asked for.
         scenes: error against run time.
         stability: what became of each stress case with each solver.
+        energy: where it comes from and goes, of each scene in question with each solver, at two settings.
     """
 
     plan: Plan
     scenes: list[Scene]
     stability: list[Outcome]
+    energy: list[Account] = field(default_factory=list)
     machine: dict[str, Any] = field(default_factory=machine)
     versions: dict[str, str] = field(default_factory=versions)
 
@@ -96,6 +99,7 @@ class Report:
             "plan": asdict(self.plan),
             "rows": [row.as_json() for scene in self.scenes for row in scene.rows],
             "stability": [outcome.as_json() for outcome in self.stability],
+            "energy": [account.figures for account in self.energy],
             "references": [scene.uncertainty.as_json() for scene in self.scenes],
         }
 
@@ -147,7 +151,26 @@ def run(
                 parts.write(part, known)
             outcomes.append(Outcome.from_json(known))
             advance()
-    return Report(plan, scenes, outcomes)
+    return Report(plan, scenes, outcomes, _energy(plan, parts, told))
+
+
+def _energy(plan: Plan, parts: "_Parts", told: Told) -> list[Account]:
+    """The accounts of all scenes that the plan names, those that are known and those that are not yet."""
+    found: list[Account] = []
+    if plan.balances:
+        advance = told("energy", len(plan.balances) * len(plan.solvers))
+        for name in plan.balances:
+            stage = None
+            for solver in plan.solvers:
+                part = f"energy of {name}, {solver}"
+                known = parts.read(part)
+                if known is None:
+                    stage = stage or Stage(standard_scene(name), seconds=plan.seconds)
+                    known = {"accounts": [asdict(account) for account in accounts(stage, solver)]}
+                    parts.write(part, known)
+                found += [Account(**fields) for fields in known["accounts"]]
+                advance()
+    return found
 
 
 class _Parts:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.ledger import Balance, Ledger
 from cape.poses import poses_of
 from cape.scenes import StandardScene
 from cape.simulation import Diverged, Simulation, Snapshot
@@ -172,6 +173,20 @@ class Stage:
             result=result,
         )
 
+    def account(self, setting: Setting) -> tuple[Balance, int, str]:
+        """Take the motion at a setting, and give its energy accounts, substeps in a frame, and its result."""
+        ledger = Ledger()
+        simulation = self._simulation(setting, ledger)
+        simulation.start_from(self._start)
+        result = "finished"
+        for frame in range(1, self.frames):
+            try:
+                simulation.step(self._poses[frame], self._step(frame))
+            except Diverged as error:
+                result = f"diverged at frame {frame}: {error}"
+                break
+        return ledger.balance, simulation.substeps, result
+
     def run_windows(self, setting: Setting, reference: Trajectory) -> FloatArray:
         """Take each window from the reference's state at its start, and give the positions at all ends, (W, V, 3).
 
@@ -212,5 +227,5 @@ class Stage:
     def _step(self, frame: int) -> float:
         return float(self.times[frame] - self.times[frame - 1])
 
-    def _simulation(self, setting: Setting) -> Simulation:
-        return Simulation(self.standard.scene, solver=setting.make(), threads=self.threads)
+    def _simulation(self, setting: Setting, ledger: Ledger | None = None) -> Simulation:
+        return Simulation(self.standard.scene, solver=setting.make(), threads=self.threads, ledger=ledger)
