@@ -220,8 +220,8 @@ class Hanging:
         """Advance by `duration` [s], and tell how many solves did not converge."""
         if self.keeps_journal:
             count, dtype = self.state.x.size, self.state.x.dtype
-            states = (np.empty((substeps, 6, count), dtype) for _ in range(2))
-            self.journal = Journal(*states, np.empty((substeps, count), np.bool_))
+            integrated, ended = np.empty((2, substeps, 6, count), dtype)
+            self.journal = Journal(integrated, ended, np.empty((substeps, count), np.bool_))
         return self._solver.step(
             self.assembly, self._room, self.state, motion, duration=duration, substeps=substeps, threads=self._threads,
             journal=self.journal,

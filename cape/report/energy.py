@@ -9,6 +9,7 @@ from cape.ledger import Balance
 from cape.report.trajectory import Setting, Stage
 
 FINER = 2  # times as many steps, for what vanishes with the step to be seen
+LONGEST = 3.0  # s of a motion at most
 DIGITS = 5  # of energies and works that are kept
 
 

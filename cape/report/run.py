@@ -12,7 +12,7 @@ from cape.bench.machine import machine, versions
 from cape.kernels import jit
 from cape.report.cases import CASES
 from cape.report.compile import compile_all
-from cape.report.energy import Account, accounts
+from cape.report.energy import LONGEST, Account, accounts
 from cape.report.files import write_text
 from cape.report.plan import Plan
 from cape.report.stability import Outcome, stress
@@ -165,7 +165,7 @@ def _energy(plan: Plan, parts: "_Parts", told: Told) -> list[Account]:
                 part = f"energy of {name}, {solver}"
                 known = parts.read(part)
                 if known is None:
-                    stage = stage or Stage(standard_scene(name), seconds=plan.seconds)
+                    stage = stage or Stage(standard_scene(name), seconds=min(plan.seconds, LONGEST))
                     known = {"accounts": [asdict(account) for account in accounts(stage, solver)]}
                     parts.write(part, known)
                 found += [Account(**fields) for fields in known["accounts"]]
