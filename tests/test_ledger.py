@@ -194,8 +194,6 @@ def test_symplectic_euler_carries_energy_to_and_fro():
     coarse, fine = (stretched(EULER, n) for n in (60, 120))
     # At a frame's end h/2 (f0 . v0 - f1 . v1), and f0 . v0 is none at the start: no trend, of first order.
     assert order([float(np.abs(b.numerical).max()) for b in (coarse, fine)]) == pytest.approx(1.0, abs=0.2)
-    power = np.abs(np.diff(coarse.elastic)).max()
-    assert power > 0.0
     middle = len(coarse.numerical) // 2
     start = coarse.elastic[0]
     assert abs(coarse.numerical[middle:].mean() - coarse.numerical[:middle].mean()) < 0.02 * start
@@ -215,7 +213,7 @@ def test_backward_euler_and_xpbd_lose_energy_in_every_frame():
 def test_what_tr_bdf2_loses_is_of_third_order():
     lost = [stretched(TRAPEZOID, n).numerical[-1] for n in (80, 160)]
     assert max(lost) < 0.0
-    assert np.log2(lost[0] / lost[1]) > 1.8
+    assert order([abs(energy) for energy in lost]) == pytest.approx(3.0, abs=0.2)
 
 
 # -- all at once --

@@ -202,6 +202,7 @@ FEATURES = {
     "boxes": (r"\dBoxes_", {"box"}),
     "planes": (r"\dPlanes_", {"plane"}),
     "triangles": ("5faces12collide_face", {"needle"}),
+    "journal": ("7journal10copy_state", set()),
 }
 
 
