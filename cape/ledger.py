@@ -13,7 +13,8 @@ What is left of a vertex's kinetic energy was done by something else:
 
     w = m (v1 - v0) . u - f . (x1 - x0) - h (d + a) . u
 
-Where a bone holds the vertex that is the work of its *attachment*, m v' - f - d - a being the force that holds it.
+Where a bone holds the vertex that is the work of its *attachment*, m (v1 - v0) / h - f - d - a being the force that
+holds it.
 
 *Contact* by impulses, as a step notes it itself, takes a vertex from v' and x' to v1 and x1: it stops the vertex, rubs
 on it, and moves it out of a shape by p = x1 - x' - h (v1 - v') besides. Its work is m (v1 - v') . u - f . p, none on a
