@@ -103,7 +103,7 @@ def for_another_thread(contacts: Contacts) -> Contacts:
     """The same contacts with notes of a thread's own, where not each vertex has its own."""
     if contacts.groups is None:
         return contacts
-    own = ("colliders", "active", "clock", "hot", "gaps")
+    own = ("colliders", "active", "clock", "hot", "gaps", "touches", "before")
     groups = tuple(g._replace(**{name: getattr(g, name).copy() for name in own}) for g in contacts.groups)
     return contacts._replace(groups=groups)
 
@@ -128,6 +128,10 @@ def _group(
         next=np.zeros(tiles, dtype=np.int64),
         hot=np.zeros(count + 1, dtype=np.int64),
         gaps=np.zeros(TILE),
+        touches=np.zeros(TILE, dtype=np.int64),
+        between=np.ones(tiles, dtype=bool),
+        before=np.zeros((6, TILE)),
+        pinched=np.zeros(scene.cloth.vertices, dtype=bool),
         **shared,
     )
 

@@ -33,10 +33,12 @@ STRAINED = 0.2  # from which on springs resist across their direction, too, as m
 
 
 class Moment(NamedTuple):
-    """The state at some time, and what was known then: how the cloth touches itself, where it is, if it is strained."""
+    """The state at some time, and what was known then: how the cloth touches itself, which vertices two colliders of a
+    kind pinch, where it is, if it is strained."""
 
     state: tuple[NDArray[np.floating], ...]
     layers: layers.Kept | None
+    pinched: tuple[NDArray[np.bool_], ...]
     center: FloatArray
     strained: bool
 
@@ -105,6 +107,10 @@ class Hanging:
         return np.empty(0, dtype=np.int64) if attached is None else np.unique(attached.bones)
 
     @property
+    def _pinched(self) -> list[NDArray[np.bool_]]:
+        return [shapes.pinched for shapes in self.assembly.ranks[0].contacts.groups or ()]
+
+    @property
     def haste(self) -> float:
         """How many times too long steps were for thin colliders that came by."""
         return max((float(group.haste[0]) for group in self.assembly.ranks[0].contacts.faces or ()), default=0.0)
@@ -171,10 +177,12 @@ class Hanging:
         return Place(self.origin, self.pose, self.assembly.outwards(state), hold)
 
     def go_to(self, place: Place) -> None:
-        """Take the place, speed and hold of another one of the same scene; touching layers are found anew."""
+        """Take the place, speed and hold of another one of the same scene; what layers and limbs hold is found anew."""
         self.origin, self.pose = place.origin, place.pose
         for component, values in zip(self.state, self.assembly.inwards(place.state).T, strict=True):
             component[:] = values
+        for notes in self._pinched:
+            notes[:] = False
         held = self.assembly.attached
         if held is not None and place.hold is not None:
             held.points[:], held.lift[:], held.drift[:] = place.hold
@@ -263,13 +271,16 @@ class Hanging:
         """A copy of what a frame changes."""
         known = self.assembly.layers
         kept = None if known is None else layers.keep(known)
-        return Moment(tuple(c.copy() for c in self.state), kept, self._center, self.strained)
+        pinched = tuple(notes.copy() for notes in self._pinched)
+        return Moment(tuple(c.copy() for c in self.state), kept, pinched, self._center, self.strained)
 
     def restore(self, before: Moment) -> None:
         """Put a moment back."""
         for component, kept in zip(self.state, before.state, strict=True):
             component[:] = kept
         self._center, self.strained = before.center, before.strained
+        for notes, kept in zip(self._pinched, before.pinched, strict=True):
+            notes[:] = kept
         if self.assembly.layers is not None and before.layers is not None:
             layers.put_back(self.assembly.layers, before.layers)
 

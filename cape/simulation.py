@@ -173,7 +173,7 @@ class Simulation:
     def start_from(self, snapshot: Snapshot) -> None:
         """Start from where this or another simulation of the same scene was: its bones, positions and velocities.
 
-        What layers of the cloth then touch each other is found anew.
+        What layers of the cloth then touch each other, and what limbs pinch, is found anew.
 
         Raises:
             ValueRangeError: the snapshot is of another scene.

@@ -108,6 +108,10 @@ def record(
         alarm=np.full(tiles + 1, -1),
         hot=np.zeros(count + 1, np.int64),
         gaps=np.zeros(TILE),
+        touches=np.zeros(TILE, np.int64),
+        before=np.zeros((6, TILE)),
+        between=np.ones(tiles, bool),
+        pinched=np.zeros(TILE * tiles, bool),
     )
 
 

@@ -8,7 +8,7 @@ import pytest
 from scenes import turn_about
 from shapes import FloatArray, capsule_distance, collide, moving, record, reference_distance, still, tapered_sizes
 
-from cape.kernels import contact, measure
+from cape.kernels import contact, measure, pinch
 from cape.kernels.records import MotionRoom, State
 from cape.kernels.shapes import Boxes, Capsules, Planes, Shapes, TaperedCapsules
 from cape.kernels.watch import TILE
@@ -177,10 +177,12 @@ def test_only_the_asked_vertices_and_share_of_the_thickness_are_kept_out():
 def test_vertices_are_led_around_all_that_overlap(rng: np.random.Generator, count: int):
     size, thickness, step = 3 * TILE - 5, 0.02, 0.5
     centers = np.zeros((count, 3))
-    centers[:, 0] = [0.0, 0.2, 0.75][:count]
+    centers[:, 0] = [0.0, 0.2, 0.65][:count]
     shapes = record(Capsules, np.tile((0, 0.5, 0, 0), (count, 1)), thickness=thickness, origins=centers, vertices=size)
-    p = rng.uniform(-0.1, 0.1, (3, size))
-    p[0] += rng.choice([0.1, 0.71], size)
+    # Beside the plane between two of them, where out is not far: nearer to their axis they pinch what is there.
+    p = rng.uniform(-0.02, 0.02, (3, size))
+    p[1] += 0.42
+    p[0] += rng.choice([0.1, 0.425], size)
     s, free = state(p), rng.uniform(size=size) < 0.9
     collide(0, size, free, s, None, shapes, still(), 1.0, 0, step)
 
@@ -193,6 +195,42 @@ def test_vertices_are_led_around_all_that_overlap(rng: np.random.Generator, coun
     assert distance(places(s))[entered].min() > thickness - (contact.GRAZE if count > 1 else 0.0) - ROUNDING
     np.testing.assert_array_equal(places(s)[:, ~entered], p[:, ~entered])
     np.testing.assert_array_equal(speeds(s), 0.0)
+
+
+def test_what_two_pinch_is_held_midway_moves_with_both_and_is_squeezed_out(rng: np.random.Generator):
+    size, thickness, step, radius = TILE, 0.02, 1e-3, 0.5
+    centers = np.array([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]])
+    shapes = record(
+        Capsules, np.tile((0, radius, 0, 0), (2, 1)), thickness=thickness, origins=centers, bones=[0, 1], vertices=size
+    )
+    motion = np.array([[0.3, -0.4, 0.2], [-0.5, 0.1, 0.0]])
+    p = rng.uniform(-0.05, 0.05, (3, size))
+    p[0] += 0.35
+    v = rng.uniform(-1.0, 1.0, (3, size))
+    s = state(p, v)
+    collide(0, size, np.ones(size, bool), s, None, shapes, moving(motion, place=np.zeros((2, 3))), 1.0, 0, step)
+    assert shapes.pinched.all()
+
+    away = p.T[:, None] - centers
+    normals = away / np.linalg.norm(away, axis=2, keepdims=True)
+    gaps = np.linalg.norm(away, axis=2) - radius - thickness
+    across = normals[:, 0] - normals[:, 1]
+    twice = np.linalg.norm(across, axis=1)
+    across /= twice[:, None]
+    out = normals.sum(axis=1)
+    wide = np.linalg.norm(out, axis=1)
+    out /= wide[:, None]
+    relative = v.T - motion.mean(axis=0)
+    relative -= np.sum(relative * across, axis=1)[:, None] * across
+    leaving = np.sum(relative * out, axis=1)
+    needed = np.minimum(-gaps.sum(axis=1) / (wide * step), contact.EXIT)
+    relative += np.clip(needed - leaving, 0.0, pinch.SQUEEZE * step)[:, None] * out
+    velocity = motion.mean(axis=0) + relative
+    moved = step * (velocity - v.T)
+    most = contact.EXIT * step
+    off = np.clip((gaps[:, 1] - gaps[:, 0]) / twice - np.sum(moved * across, axis=1), -most, most)
+    np.testing.assert_allclose(speeds(s).T, velocity, atol=1e-12)
+    np.testing.assert_allclose(places(s).T, p.T + moved + off[:, None] * across, atol=1e-12)
 
 
 # -- what is measured --

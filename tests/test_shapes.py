@@ -100,7 +100,7 @@ def test_threads_share_notes_of_vertices_and_have_their_own_of_colliders():
         assert type(one) is type(two)
         own = {name for name in one._fields if getattr(one, name) is not getattr(two, name)}
         # What is indexed by collider alone, or is room for a tile at work; of the rest a thread has its own rows.
-        assert own == {"colliders", "clock", "active", "hot", "gaps"}
+        assert own == {"colliders", "clock", "active", "hot", "gaps", "touches", "before"}
 
 
 # -- layouts --

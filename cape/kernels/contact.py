@@ -14,6 +14,7 @@ import math
 
 from cape.kernels.bones import velocity_at
 from cape.kernels.jit import driver, inlined
+from cape.kernels.pinch import hold_pinched, note
 from cape.kernels.shapes import DUE, direction_to_world, distance_to, into_shape, nearest, place
 from cape.kernels.watch import (
     GAIN,
@@ -82,18 +83,20 @@ def respond(i, depth, nx, ny, nz, bone, friction, step, most, m, s):
 
 
 @inlined
-def leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m):
+def leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m, noting):
     """Stop the free ones of vertices start to end that are within `thickness` [m] of collider c, as `gaps` tells.
 
     One that is deep leaves by the side on which it was when the step began: strained springs may draw it past the
-    middle in every step, to and fro.
+    middle in every step, to and fro. With `noting`, `pinch.note` is told of each.
 
     Returns the highest speed [m/s] into the surface, 0 where they move out of it, and -1 where none is as near.
     """
     hardest = -1.0
     collider = shapes.colliders[c]
     for i in range(start, end):
-        if shapes.gaps[i - start] < 0.0 and free[i]:
+        if shapes.gaps[i - start] < 0.0 and free[i] and not shapes.pinched[i]:
+            if noting:
+                note(shapes, s, i, i - start)
             distance, nx, ny, nz = distance_to(shapes, c, s.x[i], s.y[i], s.z[i])
             if distance < -DEEP * collider.core:
                 distance, nx, ny, nz = from_where_it_came(i, s, earlier, shapes, c, step, m)
@@ -243,7 +246,8 @@ def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
         mid = (start + end) // 2
         far, fast = spread_of(shapes.spreads, tile, s, start, end)
         soonest, hardest = turn + LONGEST, -1.0
-        hot[0] = 0
+        hot[0], touched, rapid, between = 0, 0, False, shapes.between[tile]
+        shapes.pinched[start:end] = False
         for k in range(1, shapes.active[0] + 1):
             if shapes.wake[tile, k - 1] > turn and not alarmed:
                 soonest = min(soonest, shapes.wake[tile, k - 1])
@@ -253,13 +257,18 @@ def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
             speed = approach(s, mid, far, fast, shapes.colliders[c].bone, m)
             thickness = share * shapes.colliders[c].thickness
             if is_fast(speed * step, shapes.colliders[c].core):
+                rapid = True
                 hardest = max(hardest, sweep(start, end, free, s, earlier, shapes, c, thickness, step, m))
             gap = look(shapes, c, s, start, end, thickness)
             if gap < NEAR * (speed + GAIN) * step:
                 hot[0] += 1
                 hot[hot[0]] = c
             if gap < 0.0:
-                hardest = max(hardest, leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m))
+                touched += 1
+                if touched == 1 and between:
+                    shapes.touches[:] = 0
+                inwards = leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m, between)
+                hardest = max(hardest, inwards)
             # Contact forces, where there are any, begin at the whole thickness.
             wake = turn + nap(gap + thickness - shapes.colliders[c].thickness, speed, step)
             shapes.wake[tile, k - 1] = wake
@@ -267,7 +276,10 @@ def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
         shapes.next[tile] = soonest
         due = min(due, soonest)
         if hardest >= 0.0 and hot[0] > 1:
+            if touched > 1 and between and not rapid:
+                hold_pinched(start, end, s, shapes, share, step, most, m)
             lead_out(start, end, free, s, earlier, shapes, share, step, most, m)
+        shapes.between[tile] = touched > 1
         if hardest > JOLT:
             alarm(shapes, tile, turn)
     shapes.clock[DUE] = due
@@ -284,7 +296,7 @@ def lead_out(start, end, free, s, earlier, shapes, share, step, most, m):
             thickness = share * shapes.colliders[c].thickness - GRAZE
             if look(shapes, c, s, start, end, thickness) >= 0.0:
                 continue
-            if leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m) >= 0.0:
+            if leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m, False) >= 0.0:
                 clear = False
         if clear:
             break

@@ -47,7 +47,9 @@ class Shapes(NamedTuple):
     `wake` (T, C), the turn of contact at which it must look at an active one again, and `next` (T,), the first of them.
     Shared by all kinds, for each tile `spreads` (T, 3), its size [m], inner speed [m/s] and whether they hold,
     and `alarm` (T + 1,), the last turn in which it was hit hard, at last of all tiles. `hot` (C + 1,), how many a tile
-    is about to touch, and which; `gaps` [m], how far its vertices are off one of them.
+    is about to touch, and which; `gaps` [m], how far its vertices are off one of them; `touches`, how many have touched
+    each, and `before` (6, tile), where it was then and how fast. `between` (T,), which tiles two touched last;
+    `pinched` (V,), which vertices two pinched.
     """
 
     colliders: Any  # a record array
@@ -59,6 +61,10 @@ class Shapes(NamedTuple):
     alarm: NDArray[np.int64]
     hot: NDArray[np.int64]
     gaps: Array
+    touches: NDArray[np.int64]
+    before: Array
+    between: NDArray[np.bool_]
+    pinched: NDArray[np.bool_]
 
 
 class Capsules(Shapes):

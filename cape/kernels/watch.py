@@ -91,6 +91,7 @@ def begin(lo, hi, s, shapes, m, duration):
     shapes.clock[DUE] = 0
     shapes.next[first:end] = 0
     shapes.wake[first:end] = 0
+    shapes.between[first:end] = True
     shapes.alarm[first:end] = NEVER
     shapes.alarm[-1] = NEVER
 
