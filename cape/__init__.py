@@ -8,6 +8,7 @@ from cape.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
 from cape.cuts import Cuts
 from cape.dress import dress
 from cape.fabric import FABRICS, Fabric, fabric
+from cape.ledger import Balance, Ledger
 from cape.poses import Pose
 from cape.scene import Scene
 from cape.self_contact import SelfContact
@@ -28,6 +29,7 @@ __all__ = [
     "Auto",
     "AutoSimulation",
     "BackwardEuler",
+    "Balance",
     "Batch",
     "Box",
     "Capsule",
@@ -37,6 +39,7 @@ __all__ = [
     "Diverged",
     "Fabric",
     "GridCloth",
+    "Ledger",
     "MeshCloth",
     "Plane",
     "Pose",

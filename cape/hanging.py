@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cape import layers, wear
 from cape.assemble import assemble
 from cape.cuts import rigid_motion
+from cape.kernels.journal import Journal
 from cape.kernels.measure import is_strained, whereabouts
 from cape.kernels.records import Motion, State
 from cape.poses import Pose
@@ -64,6 +65,8 @@ class Hanging:
         origin: that positions and poses refer to, in the world [m], shape (3,).
         pose: where the bones are, about `origin`.
         strained: whether springs are so long that steps must be shorter.
+        keeps_journal: whether it is noted what substeps do.
+        journal: of the last frame that was noted.
     """
 
     def __init__(self, scene: Scene, solver: Solver, pose: Pose, *, threads: int) -> None:
@@ -84,6 +87,8 @@ class Hanging:
         self.state = State.at_rest(self.assembly.inwards(positions), solver.dtype(self.assembly))
         self._worn, self._spread = wear.hold_points(self.assembly, self.pose, held, positions)
         self._center, self.strained = np.zeros(3), False
+        self.keeps_journal = False
+        self.journal: Journal | None = None
 
     @property
     def positions(self) -> FloatArray:
@@ -229,9 +234,14 @@ class Hanging:
 
     def advance(self, motion: Motion, duration: float, substeps: int) -> int:
         """Advance by `duration` [s], and tell how many solves did not converge."""
+        if self.keeps_journal:
+            count, dtype = self.state.x.size, self.state.x.dtype
+            integrated, ended = np.empty((2, substeps, 6, count), dtype)
+            self.journal = Journal(integrated, ended, np.empty((substeps, count), np.bool_))
         return self._solver.step(
-            self.assembly, self._room, self.state, motion, duration=duration, substeps=substeps, threads=self._threads
-        )
+            self.assembly, self._room, self.state, motion, duration=duration, substeps=substeps, threads=self._threads,
+            journal=self.journal,
+        )  # fmt: skip
 
     def note_lift(self, duration: float) -> None:
         """Note how far what bones hold has drifted out of colliders in a frame of `duration` [s]."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cape.auto import Auto, AutoSimulation
 from cape.contact_points import ContactPoints
 from cape.cuts import Cuts
+from cape.ledger import Ledger
 from cape.poses import Bones, poses_of
 from cape.reach import reach_of
 from cape.scene import Scene
@@ -47,6 +48,7 @@ def simulate(
     cull: bool = True,
     cuts: Cuts | None = DEFAULT_CUTS,
     check_steps: bool = False,
+    ledger: Ledger | None = None,
     name: str = "take",
     progress: Callable[[int, int], None] | None = None,
 ) -> Take:
@@ -62,6 +64,7 @@ def simulate(
         cull: leave out the colliders that the cloth can't reach (`cape.reach`); penetration is measured in all.
         cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
         check_steps: measure what the time step costs in accuracy, once in `CHECKED` seconds.
+        ledger: to account for the energy of the run; None for none.
         name: what the take is called.
         progress: called after each frame with the number of frames done and of all.
 
@@ -73,7 +76,7 @@ def simulate(
 
     Raises:
         UnknownNameError: the scene uses a bone that the track has not.
-        ValueRangeError: the track has a single frame, or the cloth can't be put on.
+        ValueRangeError: the track has a single frame, the cloth can't be put on, or a ledger is given with an `Auto`.
         Diverged: the cloth explodes before the first frame.
     """
     if track.frames < 2:
@@ -81,7 +84,13 @@ def simulate(
     if fps is not None:
         track = track.resample(fps)
     reach = reach_of(scene, track) if cull else None
-    simulation = _simulation(scene if reach is None else reach.cull(scene), solver, threads, cuts)
+    in_reach = scene if reach is None else reach.cull(scene)
+    if isinstance(solver, Auto):
+        if ledger is not None:
+            raise ValueRangeError("a ledger keeps the accounts of one solver: give that, not a tolerance or a budget")
+        simulation = AutoSimulation(in_reach, solver, threads=threads, cuts=cuts)
+    else:
+        simulation = Simulation(in_reach, solver=solver, threads=threads, cuts=cuts, ledger=ledger)
     poses, all_poses = poses_of(track, simulation.bones), poses_of(track, scene.bones)
     steps = np.diff(track.times)
 
@@ -169,12 +178,6 @@ class _Checks(Watch):
         if not self.watching and self._due >= CHECKED:
             self._due = 0.0
             self.begin()
-
-
-def _simulation(scene: Scene, solver: Solver | Auto | None, threads: int | None, cuts: Cuts | None) -> Simulation:
-    if isinstance(solver, Auto):
-        return AutoSimulation(scene, solver, threads=threads, cuts=cuts)
-    return Simulation(scene, solver=solver, threads=threads, cuts=cuts)
 
 
 def _notes_on_steps(simulation: Simulation) -> list[str]:

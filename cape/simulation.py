@@ -12,7 +12,8 @@ from cape.assemble import Assembly
 from cape.cuts import Cuts
 from cape.energy import Energy, energy_of
 from cape.hanging import SETTLING_FRAME, Hanging, Moment, Place
-from cape.kernels.records import Motion
+from cape.kernels.records import Motion, State
+from cape.ledger import Ledger
 from cape.measure import Meter, Reading
 from cape.poses import Bones, Pose, read_pose
 from cape.scene import Scene
@@ -65,6 +66,7 @@ class Simulation:
         unconverged: frames that did not converge in shorter steps either.
         cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
         jumps: frames in which the bones have jumped.
+        ledger: where the energy is accounted for, None for nowhere.
     """
 
     def __init__(
@@ -74,6 +76,7 @@ class Simulation:
         solver: Solver | None = None,
         threads: int | None = None,
         cuts: Cuts | None = DEFAULT_CUTS,
+        ledger: Ledger | None = None,
     ) -> None:
         """Hold the scene and the solver; nothing is computed before `start`.
 
@@ -82,6 +85,7 @@ class Simulation:
             solver: None for symplectic Euler with the step that the scene needs.
             threads: how many share the cloth, None for as many as pay off; the results are the same.
             cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
+            ledger: of this simulation alone, to account for its energy from each start on.
 
         Raises:
             ValueRangeError: the number of threads is not positive.
@@ -97,6 +101,7 @@ class Simulation:
         self.unconverged = 0
         self.cuts = cuts
         self.jumps = 0
+        self.ledger = ledger
         self._cloth: Hanging | None = None
 
     @property
@@ -154,6 +159,7 @@ class Simulation:
         moving, turning = _vector(velocity, "velocity"), _vector(spin, "spin")
         self.substeps = self.retried = self.refined = self.unconverged = self.jumps = 0
         self._put_on(read_pose(bones, self.bones), settle, moving, turning)
+        self._open_ledger()
 
     def snapshot(self) -> Snapshot:
         """Where the cloth is now, for `start_from`.
@@ -177,6 +183,7 @@ class Simulation:
         self.substeps = self.retried = self.refined = self.unconverged = self.jumps = 0
         cloth = self._cloth or self._put_on(snapshot.first_pose, 0.0)
         cloth.go_to(snapshot.place)
+        self._open_ledger()
 
     def disturb(self, offsets: ArrayLike) -> None:
         """Move the vertices that no bone holds by `offsets` [m], shape (V, 3), velocities as they are.
@@ -194,8 +201,10 @@ class Simulation:
         """Go on with another solver, or another number of its substeps, from where the cloth is.
 
         Raises:
-            ValueRangeError: the simulation has not been started.
+            ValueRangeError: the simulation has not been started, or a ledger keeps the accounts of its solver.
         """
+        if self.ledger is not None:
+            raise ValueRangeError("a ledger keeps the accounts of one solver, which can't be changed")
         self._started.change_solver(solver)
         self.solver = solver
 
@@ -230,6 +239,14 @@ class Simulation:
         with cloth.taken_back() as before:
             self._try(cloth, Motion(*cloth.pose, *pose), dt, before)
         cloth.pose = pose
+        if self.ledger is not None and cloth.journal is not None:
+            self.ledger.enter(cloth.assembly, State(*before.state), cloth.origin, cloth.journal, dt)
+
+    def _open_ledger(self) -> None:
+        """Begin to account for the energy of the cloth as it is, where there is a ledger."""
+        cloth = self._started
+        if self.ledger is not None:
+            self.ledger.begin(cloth.assembly, cloth.state, cloth.origin, sweeps=self.solver.sweeps)
 
     def _put_on(
         self, pose: Pose, settle: float | None, moving: FloatArray | float = 0.0, turning: FloatArray | float = 0.0
@@ -241,6 +258,7 @@ class Simulation:
         cloth.set_out(np.broadcast_to(moving, 3), np.broadcast_to(turning, 3))
         if not cloth.look():
             raise _diverged(cloth.own_choice(SETTLING_FRAME))
+        cloth.keeps_journal = self.ledger is not None
         self._cloth = cloth
         return cloth
 

@@ -15,9 +15,10 @@ from test_simulation import hanging, swing
 from cape import Simulation, Sphere, SymplecticEuler
 from cape.report import page, run
 from cape.report.accuracy import SURE, converge, error_of, window_error
+from cape.report.energy import Account, accounts
 from cape.report.files import write_text
 from cape.report.plan import Plan
-from cape.report.plot import draw, save_diagram
+from cape.report.plot import draw, draw_energy, save_diagram, save_energy
 from cape.report.run import PARTS, Scene, forget_parts
 from cape.report.sweep import Row, sweep
 from cape.report.trajectory import EXACT, Setting, Stage, Trajectory
@@ -233,16 +234,21 @@ def test_an_interrupted_report_goes_on_where_it_was(tmp_path: Path, monkeypatch:
 
     monkeypatch.setattr(run, "standard_scene", build)
     monkeypatch.setattr(run, "compile_all", lambda plan, told: None)
-    plan = dataclasses.replace(TINY, scenes=("first", "second"), cases=("jerky",))
+    plan = dataclasses.replace(TINY, scenes=("first", "second"), cases=("jerky",), balances=("third",))
     with pytest.raises(KeyboardInterrupt):
         run.run(plan, tmp_path, keep=(stop,))
     report = run.run(plan, tmp_path)
-    assert measured == ["first", "second", "second"]
+    assert measured == ["first", "second", "second", "third"]
+    assert [(account.scene, account.solver) for account in report.energy] == [
+        ("third", "euler"), ("third", "euler"), ("third", "xpbd"), ("third", "xpbd"),
+    ]  # fmt: skip
+    assert run.run(plan, tmp_path).energy == report.energy
+    assert len(measured) == 4
     assert [found.name for found in report.scenes] == ["first", "second"]
     assert [(outcome.case, outcome.solver) for outcome in report.stability] == [("jerky", "euler"), ("jerky", "xpbd")]
     # By another plan nothing of it counts.
-    run.run(dataclasses.replace(plan, repeats=2, scenes=("first",)), tmp_path)
-    assert measured[3:] == ["first"]
+    run.run(dataclasses.replace(plan, repeats=2, scenes=("first",), balances=()), tmp_path)
+    assert measured[4:] == ["first"]
     forget_parts(tmp_path)
     assert not (tmp_path / PARTS).exists()
 
@@ -298,6 +304,47 @@ def test_the_diagram_has_a_curve_for_each_solver_a_band_and_the_line_of_real_tim
     assert (tmp_path / "small.png").read_bytes().startswith(b"\x89PNG")
 
 
+# -- energy --
+
+
+def test_accounts_close_at_both_settings_and_tell_what_the_method_adds(stage: Stage):
+    usual, finer = accounts(stage, "backward_euler")
+    assert (usual.setting, usual.substeps, finer.setting) == ("default", 8, "16 substeps")
+    for account in (usual, finer):
+        last = account.figures
+        change = last["kinetic_j"] + last["elastic_j"] + last["potential_j"]
+        done = last["attachments_j"] + last["contacts_j"] + last["air_j"] - last["damping_j"] + last["numerical_j"]
+        assert account.result == "finished"
+        assert account.gap < 1e-4
+        # Kept to five digits of the largest.
+        assert change == pytest.approx(done, abs=2e-4 * max(abs(last["attachments_j"]), abs(change)))
+        assert len(account.curves["times"]) == len(account.curves["kinetic"]) == stage.frames
+    assert usual.figures["numerical_j"] < finer.figures["numerical_j"] < 0.0
+
+
+def account(solver: str, setting: str = "default", **curves: list[float]) -> Account:
+    terms = ("kinetic", "elastic", "potential", "attachments", "contacts", "air", "damping", "numerical", "moved")
+    given = {"times": [0.0, 0.5], **{term: [0.0, 0.0] for term in terms}, **curves}
+    return Account("small", solver, setting, 20, "finished", 2e-8, given)
+
+
+def test_the_page_and_the_diagram_show_where_energy_goes(tmp_path: Path):
+    from matplotlib.figure import Figure
+
+    found = [account("euler", damping=[0.0, 0.004], kinetic=[0.0, -0.004]), account("euler", "40 substeps")]
+    report = run.Report(dataclasses.replace(TINY, balances=("small",)), [scene(row())], [], energy=found)
+    text = page.markdown(report, pictures=True, recordings=True, command="cape report")
+    assert "| symplectic Euler | default | -4.00 | 0 | 0 | 0 | 0 | 0 | 4.00 | 0 | 2e-08 |" in text
+    assert "![small: energy over time](small_energy.png)" in text
+    axes = Figure().add_subplot()
+    draw_energy(axes, found[0])
+    curves = {line.get_label(): np.asarray(line.get_xydata()).tolist() for line in axes.get_lines()}
+    # What is dissipated takes from the energy.
+    assert curves["damping"] == curves["energy"] == [[0.0, 0.0], [0.5, -4.0]]
+    save_energy(found, tmp_path / "small_energy.png")
+    assert (tmp_path / "small_energy.png").read_bytes().startswith(b"\x89PNG")
+
+
 # -- the command --
 
 CAPE = Path(sys.executable).with_name("cape")
@@ -337,7 +384,7 @@ if __name__ == "__main__":
         "REPORT.md", "REPORT.html", "report.json", "swing.png", "swing.rrd", "space.png",
     }  # fmt: skip
     facts = json.loads((folder / "report.json").read_text())
-    assert set(facts) == {"machine", "versions", "plan", "rows", "stability", "space", "references"}
+    assert set(facts) == {"machine", "versions", "plan", "rows", "stability", "space", "energy", "references"}
     assert {"scene", "solver", "setting", "substeps", "seconds_per_second", "rms_mm", "max_mm"} <= set(facts["rows"][0])
     assert {
         "case", "solver", "repeats", "result", "stretch_max", "penetration_max_mm", "energy_growth", "seconds",

@@ -129,7 +129,7 @@ class ExplodesAfter(SymplecticEuler):
     frame: int = 3
     stepped: list[int] = field(default_factory=list)
 
-    def step(self, assembly, room, state, motion, *, duration: float, substeps: int, threads: int = 1) -> int:
+    def step(self, assembly, room, state, motion, *, duration, substeps, threads=1, journal=None) -> int:
         super().step(assembly, room, state, motion, duration=duration, substeps=substeps, threads=threads)
         self.stepped.append(substeps)
         if len(self.stepped) >= self.frame:

@@ -177,7 +177,7 @@ def compiled(scene: Scene) -> str:
     motion = Motion(*zero, *zero)
     frame(
         run.state, room.model, room.inertia, room.forces, room.scratch[0], motion, own.room,
-        run.assembly.attached, own.contacts, 1, 1e-3, None,
+        run.assembly.attached, own.contacts, 1, 1e-3, None, None,
     )  # fmt: skip
     (code,) = frame.inspect_llvm().values()
     return code
@@ -202,6 +202,7 @@ FEATURES = {
     "boxes": (r"\dBoxes_", {"box"}),
     "planes": (r"\dPlanes_", {"plane"}),
     "triangles": ("5faces12collide_face", {"needle"}),
+    "journal": ("7journal10copy_state", set()),
 }
 
 

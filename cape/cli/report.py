@@ -12,7 +12,7 @@ from cape.cli.measuring import require_folder, sections
 from cape.report import page
 from cape.report.files import write_text
 from cape.report.plan import FULL, QUICK, Plan
-from cape.report.plot import save_diagram, save_space_diagram
+from cape.report.plot import save_diagram, save_energy, save_space_diagram
 from cape.report.recording import save_runs
 from cape.report.run import forget_parts, run
 from cape.report.sweep import Sweep
@@ -45,6 +45,8 @@ def report(*, output: Path, quick: bool, scenes: tuple[str, ...], solvers: tuple
             save_diagram(scene, output / f"{scene.name}.png")
         if found.space:
             save_space_diagram(found.space, output / "space.png")
+        for name in plan.balances:
+            save_energy([account for account in found.energy if account.scene == name], output / f"{name}_energy.png")
     write_text(output / "report.json", json.dumps(found.as_json(), indent=1) + "\n")
     text = page.write(found, output, pictures=drawn, recordings=True, command=_command(quick, scenes, solvers))
     forget_parts(output)
@@ -62,7 +64,9 @@ def chosen(plan: Plan, scenes: tuple[str, ...], solvers: tuple[str, ...]) -> Pla
         for name in names:
             if name not in known:
                 raise UnknownNameError(kind, name, tuple(known))
-    return replace(plan, scenes=scenes or plan.scenes, solvers=solvers or plan.solvers)
+    scenes = scenes or plan.scenes
+    balances = tuple(name for name in plan.balances if name in scenes)
+    return replace(plan, scenes=scenes, solvers=solvers or plan.solvers, balances=balances)
 
 
 def _can_draw() -> bool:

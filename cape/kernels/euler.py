@@ -5,6 +5,7 @@ from cape.kernels.bones import move_bones
 from cape.kernels.forces import compute_forces
 from cape.kernels.frame import begin_frame, keep_out
 from cape.kernels.jit import driver, kernel
+from cape.kernels.journal import note_end, note_integrated
 from cape.kernels.self_contact import keep_apart, press
 from cape.kernels.team import meet, span
 
@@ -24,12 +25,13 @@ def advance(dt, gravity_x, gravity_y, gravity_z, inverse_mass, fx, fy, fz, x, y,
 
 @driver
 def euler_frame(
-    s, model, inertia, forces, room, motion, m, attached, contacts, substeps, duration, team
+    s, model, inertia, forces, room, motion, m, attached, contacts, substeps, duration, journal, team
 ):  # fmt: skip
     """Advance the state `s` by `duration` [s] in `substeps` steps: forces, integration, contact, attachments.
 
     `forces` (3, N) is shared room, `room` the forces' scratch, `m` a MotionRoom and `contacts` those of this thread;
-    `attached`, `team` and the parts of `model` and `contacts` are None where there are none, and then pruned.
+    `attached`, `journal`, `team` and the parts of `model` and `contacts` are None where there are none, and then
+    pruned.
     """
     lo, hi = span(s.x.size, team)
     step = duration / substeps
@@ -45,6 +47,7 @@ def euler_frame(
             s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
         )  # fmt: skip
         move_bones(motion, m, (substep + 1) * step)
+        note_integrated(lo, hi, s, journal, substep)
         press(lo, hi, s, contacts.pressure, step)
         keep_out(
             lo, hi, s, inertia.inverse_mass, None, contacts.free, contacts.groups, contacts.faces, m, 1.0, substep,
@@ -52,4 +55,5 @@ def euler_frame(
         )  # fmt: skip
         hold(lo, hi, s, attached, m, (substep + 1) * step, step)
         keep_apart(s, contacts.layers, inertia.inverse_mass, substep, substeps - 1 - substep, step, team)
+        note_end(lo, hi, s, journal, substep)
         meet(team)

@@ -24,6 +24,7 @@ from cape.kernels.conjugate import CHUNK, dot_terms, solve_linear, sum_all
 from cape.kernels.forces import compute_forces
 from cape.kernels.frame import begin_frame, keep_out
 from cape.kernels.jit import driver
+from cape.kernels.journal import note_end, note_integrated, note_pressed
 from cape.kernels.penalty import SLIP, look_around, press_all
 from cape.kernels.self_contact import add_held, add_pressure, keep_apart
 from cape.kernels.shapes import forget_places
@@ -251,24 +252,28 @@ def place_bones(lo, hi, problem, time, b):
 
 
 @driver
-def leave_colliders(lo, hi, problem, earlier, substep, substeps, h, team):
+def leave_colliders(lo, hi, problem, earlier, substep, substeps, h, journal, team):
     """Move out what a step of `h` [s] leaves deeper than contact forces should, or on a fast limb's other side.
 
     And keep the cloth's layers apart.
     """
     contacts, s, inverse_mass = problem.contacts, problem.state, problem.inertia.inverse_mass
+    note_integrated(lo, hi, s, journal, substep)
+    note_pressed(lo, hi, problem.penalty, contacts.pressure, journal, substep)
     keep_out(
         lo, hi, s, inverse_mass, earlier, contacts.free, contacts.groups, contacts.faces, problem.bones, GUARD, substep,
         h, team,
     )  # fmt: skip
     keep_apart(s, contacts.layers, inverse_mass, substep, substeps - 1 - substep, h, team)
+    note_end(lo, hi, s, journal, substep)
 
 
 @driver
-def backward_euler_frame(problem, substeps, duration, team):
+def backward_euler_frame(problem, substeps, duration, journal, team):
     """Advance the state by `duration` [s] in `substeps` steps of backward Euler.
 
-    Of the `problem`, `scratch`, `work.scratch`, `counts`, `bones` and `contacts` are this thread's own.
+    Of the `problem`, `scratch`, `work.scratch`, `counts`, `bones` and `contacts` are this thread's own. `journal` is
+    None where nothing is noted.
     """
     s, work = problem.state, problem.work
     lo, hi = span(s.x.size, team)
@@ -282,11 +287,11 @@ def backward_euler_frame(problem, substeps, duration, team):
         )  # fmt: skip
         place_bones(lo, hi, problem, (substep + 1) * h, h)
         solve_stage(lo, hi, problem, substep, h, team)
-        leave_colliders(lo, hi, problem, None, substep, substeps, h, team)
+        leave_colliders(lo, hi, problem, None, substep, substeps, h, journal, team)
 
 
 @driver
-def tr_bdf2_frame(problem, substeps, duration, team):
+def tr_bdf2_frame(problem, substeps, duration, journal, team):
     """Advance the state by `duration` [s] in `substeps` steps of TR-BDF2; arguments as for backward Euler."""
     s, work = problem.state, problem.work
     lo, hi = span(s.x.size, team)
@@ -314,6 +319,6 @@ def tr_bdf2_frame(problem, substeps, duration, team):
         solve_stage(lo, hi, problem, substep, b, team)
         keep_acceleration(lo, hi, problem, b)
         add_held(lo, hi, -1.0, problem.contacts.pressure, work.acceleration)
-        leave_colliders(lo, hi, problem, work.start, substep, substeps, h, team)
+        leave_colliders(lo, hi, problem, work.start, substep, substeps, h, journal, team)
         add_held(lo, hi, 1.0, problem.contacts.pressure, work.acceleration)
         balance(lo, hi, problem.inertia.inverse_mass, work.acceleration, problem.penalty)

@@ -10,6 +10,7 @@ from cape.kernels.bones import move_bones
 from cape.kernels.forces import compute_forces
 from cape.kernels.frame import begin_frame, keep_out
 from cape.kernels.jit import driver, kernel
+from cape.kernels.journal import note_end, note_integrated
 from cape.kernels.self_contact import keep_apart, press
 from cape.kernels.team import meet, span
 from cape.kernels.xpbd_grid import prepare_grid, solve_grid
@@ -60,13 +61,13 @@ def blow_all(lo, hi, s, model, forces, room, inverse_mass, step, team):
 @driver
 def xpbd_frame(
     s, grid, mesh, damping, bend_damping, model, inertia, forces, room, motion, m, attached,
-    contacts, iterations, substeps, duration, team,
+    contacts, iterations, substeps, duration, journal, team,
 ):  # fmt: skip
     """Advance the state `s` by `duration` [s] in `substeps` steps of `iterations` sweeps over all constraints.
 
     `model` has the air alone, `forces` (3, N) is shared room of zeros; `room`, the forces' scratch, `m`, a MotionRoom,
-    and `contacts` are this thread's. `grid` or `mesh`, `damping`, `bend_damping`, `model`, `attached`, `team` and the
-    parts of `contacts` are None where there are none, and then pruned.
+    and `contacts` are this thread's. `grid` or `mesh`, `damping`, `bend_damping`, `model`, `attached`, `journal`,
+    `team` and the parts of `contacts` are None where there are none, and then pruned.
     """
     lo, hi = span(s.x.size, team)
     step = duration / substeps
@@ -89,10 +90,12 @@ def xpbd_frame(
         solve_mesh(s, mesh, inertia.inverse_mass, iterations, h, tau, bend_tau, team)
         meet(team)
         drift(h, s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi])
+        note_integrated(lo, hi, s, journal, substep)
         press(lo, hi, s, contacts.pressure, step)
         keep_out(
             lo, hi, s, inertia.inverse_mass, None, contacts.free, contacts.groups, contacts.faces, m, 1.0, substep,
             step, team,
         )  # fmt: skip
         keep_apart(s, contacts.layers, inertia.inverse_mass, substep, substeps - 1 - substep, step, team)
+        note_end(lo, hi, s, journal, substep)
         meet(team)

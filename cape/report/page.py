@@ -9,6 +9,7 @@ from cape.bench.plot import NAMES
 from cape.report import space
 from cape.report.accuracy import LAST
 from cape.report.cases import CASES, JITTER
+from cape.report.energy import Account
 from cape.report.files import write_text
 from cape.report.plan import ACCURACIES_MM
 from cape.report.run import Report, Scene
@@ -17,6 +18,7 @@ from cape.report.stability import DEGRADES, FAILS, GROWTH, PASSES, PATIENCE, PEN
 from cape.report.sweep import Row
 from cape.report.trajectory import WINDOW
 
+ENERGY_TERMS = ("kinetic", "elastic", "potential", "attachments", "contacts", "air", "damping", "numerical")
 SIGNS = {PASSES: "\N{LARGE GREEN CIRCLE}", DEGRADES: "\N{LARGE YELLOW CIRCLE}", FAILS: "\N{LARGE RED CIRCLE}"}
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 1100px; margin: 2em auto; padding: 0 1em; color: #222 }
@@ -32,7 +34,8 @@ def markdown(report: Report, *, pictures: bool, recordings: bool, command: str) 
 
     Args:
         report: what to show.
-        pictures: whether there is NAME.png for each scene, and space.png.
+        pictures: whether there is NAME.png for each scene, NAME_energy.png where its energy is accounted for, and
+            space.png.
         recordings: whether there is NAME.rrd for each scene.
         command: that made it.
     """
@@ -55,6 +58,7 @@ def markdown(report: Report, *, pictures: bool, recordings: bool, command: str) 
     ]
     lines += ["", *_stability(report)]
     lines += ["", *_space(report, pictures=pictures)]
+    lines += ["", *_energy(report, pictures=pictures)]
     for scene in report.scenes:
         lines += ["", *_section(scene, pictures=pictures, recordings=recordings)]
     lines += ["", *_notes()]
@@ -179,6 +183,33 @@ def _cell(outcome: Outcome) -> str:
     growth = "" if math.isnan(outcome.energy_growth) else f", +{outcome.energy_growth:.1%}"
     numbers = f"{outcome.stretch_max:.1%}, {_number(outcome.penetration_max_mm)} mm{growth}, {outcome.seconds:.2f} s"
     return f"{SIGNS[outcome.result]} {numbers}" + (f" ({outcome.why})" if outcome.why else "")
+
+
+def _energy(report: Report, *, pictures: bool) -> list[str]:
+    """Where the energy of some scenes comes from and goes with each solver."""
+    if not report.energy:
+        return []
+    lines = [
+        "## Energy",
+        "",
+        "By the end of the run, in mJ: by how much kinetic, elastic and potential energy have changed; what bones that "
+        "hold the cloth, colliders and the air have done on it; what the damping of the springs has dissipated; and "
+        "what the method itself has added or, below zero, lost. The gap is what is missing between the former and the "
+        "latter at most at any time, as a share of the largest of all these amounts.",
+    ]
+    for name in report.plan.balances:
+        rows = [_account(account) for account in report.energy if account.scene == name]
+        lines += ["", f"**{name}**", ""]
+        if pictures:
+            lines += [f"![{name}: energy over time]({name}_energy.png)", ""]
+        lines += _table(["solver", "setting", *ENERGY_TERMS, "gap"], rows)
+    return lines
+
+
+def _account(account: Account) -> list[str]:
+    terms = [_number(1e3 * account.curves[term][-1]) for term in ENERGY_TERMS]
+    why = "" if account.result == "finished" else f" ({account.result})"
+    return [NAMES[account.solver], account.setting + why, *terms, f"{account.gap:.0e}"]
 
 
 def _section(scene: Scene, *, pictures: bool, recordings: bool) -> list[str]:

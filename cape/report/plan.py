@@ -24,6 +24,7 @@ class Plan:
         cases: names of the stress cases.
         case_repeats: how often each is run, from jittered starts.
         spacings: of the vertices of one cape [m], from wide to narrow; none to leave out what they are worth.
+        balances: names of the standard scenes whose energy is accounted for.
     """
 
     scenes: tuple[str, ...] = tuple(STANDARD_SCENES)
@@ -36,9 +37,13 @@ class Plan:
     cases: tuple[str, ...] = tuple(CASES)
     case_repeats: int
     spacings: tuple[float, ...] = ()
+    balances: tuple[str, ...] = ()
 
 
-FULL = Plan(every=1, repeats=5, seconds=10.0, scene_s=100.0, case_repeats=10, spacings=(0.06, 0.03, 0.015, 0.0075))
+FULL = Plan(
+    every=1, repeats=5, seconds=10.0, scene_s=100.0, case_repeats=10,
+    spacings=(0.06, 0.03, 0.015, 0.0075), balances=("swing", "sphere", "walk"),
+)  # fmt: skip
 # These cases compile nothing that the scenes do not.
 FREE = ("pulled", "crumpled", "flattened", "twisted", "teleported", "half a turn", "light", "shaken", "jerky")
 QUICK = Plan(scenes=("swing", "walk"), every=2, repeats=3, seconds=2.0, scene_s=15.0, cases=FREE, case_repeats=2)

@@ -1,16 +1,26 @@
-"""Work-precision diagrams, what accuracy costs; and what the spacing of the vertices is worth."""
+"""Work-precision diagrams, what accuracy costs; what the spacing of the vertices is worth; and diagrams of energy."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cape.bench.plot import COLOURS, NAMES, require_matplotlib
+from cape.report.energy import Account
 from cape.report.run import Scene
 from cape.report.space import Row as SpaceRow
 from cape.report.trajectory import WINDOW
 
 FLOOR_MM = 1e-4  # smaller errors are drawn here
 BAND = "#d9d9d9"
+TERMS = {
+    "attachments": "#1b6ca8",
+    "contacts": "#c8553d",
+    "air": "#6a994e",
+    "damping": "#8e6bbf",
+    "numerical": "#d4a017",
+}
 
 
 def save_diagram(scene: Scene, path: Path) -> None:
@@ -95,3 +105,35 @@ def draw_space(axes: Any, errors: Sequence[tuple[SpaceRow, float]], label: str) 
     axes.minorticks_off()
     axes.grid(True, which="major", alpha=0.3)
     axes.legend(fontsize=8, frameon=False)
+
+
+def save_energy(accounts: Sequence[Account], path: Path) -> None:
+    """Draw what the energy of a scene's runs is made of, over time, into a PNG file: those at default settings.
+
+    Raises:
+        UserError: matplotlib is not installed.
+    """
+    require_matplotlib()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    usual = [account for account in accounts if account.setting == "default"]
+    figure = Figure(figsize=(3.4 * len(usual), 3.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, account in zip(figure.subplots(1, len(usual), sharey=True, squeeze=False)[0], usual, strict=True):
+        draw_energy(axes, account)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False)
+    figure.axes[0].set_ylabel("change [mJ]")
+    figure.savefig(path, dpi=120)
+
+
+def draw_energy(axes: Any, account: Account) -> None:
+    """Draw the change of a run's energy, and what it comes from: each term with the sign that it adds to it."""
+    curves = {name: 1e3 * np.array(values) for name, values in account.curves.items()}
+    times = account.curves["times"]
+    axes.plot(times, curves["kinetic"] + curves["elastic"] + curves["potential"], color="black", label="energy")
+    for name, colour in TERMS.items():
+        sign = -1.0 if name == "damping" else 1.0
+        axes.plot(times, sign * curves[name], color=colour, linewidth=1.2, label=name)
+    axes.set(title=NAMES.get(account.solver, account.solver), xlabel="time [s]")
+    axes.grid(True, alpha=0.3)

@@ -13,6 +13,7 @@ from cape.kernels import jit
 from cape.report import space as spacings
 from cape.report.cases import CASES
 from cape.report.compile import compile_all
+from cape.report.energy import LONGEST, Account, accounts
 from cape.report.files import write_text
 from cape.report.plan import Plan
 from cape.report.space import Row as SpaceRow
@@ -83,12 +84,14 @@ class Report:
         scenes: error against run time.
         stability: what became of each stress case with each solver.
         space: what the spacing of the vertices is worth.
+        energy: where it comes from and goes, of each scene in question with each solver, at two settings.
     """
 
     plan: Plan
     scenes: list[Scene]
     stability: list[Outcome]
     space: list[SpaceRow] = field(default_factory=list)
+    energy: list[Account] = field(default_factory=list)
     machine: dict[str, Any] = field(default_factory=machine)
     versions: dict[str, str] = field(default_factory=versions)
 
@@ -101,6 +104,7 @@ class Report:
             "rows": [row.as_json() for scene in self.scenes for row in scene.rows],
             "stability": [outcome.as_json() for outcome in self.stability],
             "space": [row.as_json() for row in self.space],
+            "energy": [account.figures for account in self.energy],
             "references": [scene.uncertainty.as_json() for scene in self.scenes],
         }
 
@@ -152,7 +156,7 @@ def run(
                 parts.write(part, known)
             outcomes.append(Outcome.from_json(known))
             advance()
-    return Report(plan, scenes, outcomes, _space(plan, parts, told))
+    return Report(plan, scenes, outcomes, _space(plan, parts, told), _energy(plan, parts, told))
 
 
 def _space(plan: Plan, parts: "_Parts", told: Told) -> list[SpaceRow]:
@@ -173,6 +177,25 @@ def _space(plan: Plan, parts: "_Parts", told: Told) -> list[SpaceRow]:
         found[solver, spacing] = spacings.Measured.from_json(known)
         advance()
     return spacings.rows_of([found[each] for each in wanted], found[reference])
+
+
+def _energy(plan: Plan, parts: "_Parts", told: Told) -> list[Account]:
+    """The accounts of all scenes that the plan names, those that are known and those that are not yet."""
+    found: list[Account] = []
+    if plan.balances:
+        advance = told("energy", len(plan.balances) * len(plan.solvers))
+        for name in plan.balances:
+            stage = None
+            for solver in plan.solvers:
+                part = f"energy of {name}, {solver}"
+                known = parts.read(part)
+                if known is None:
+                    stage = stage or Stage(standard_scene(name), seconds=min(plan.seconds, LONGEST))
+                    known = {"accounts": [asdict(account) for account in accounts(stage, solver)]}
+                    parts.write(part, known)
+                found += [Account(**fields) for fields in known["accounts"]]
+                advance()
+    return found
 
 
 class _Parts:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.auto import Auto, AutoSimulation
+from cape.ledger import Balance, Ledger
 from cape.poses import poses_of
 from cape.scene import Scene
 from cape.scenes import StandardScene
@@ -36,12 +37,13 @@ class Setting:
     substeps: int | None = None
     options: tuple[tuple[str, Any], ...] = ()
 
-    def simulation(self, scene: Scene, *, threads: int) -> Simulation:
+    def simulation(self, scene: Scene, *, threads: int, ledger: Ledger | None = None) -> Simulation:
         """A simulation of a scene with the solver, or that chooses one."""
         options = dict(self.options)
         if self.solver == Auto.name:
             return AutoSimulation(scene, Auto(**options), threads=threads)
-        return Simulation(scene, solver=SOLVERS[self.solver](substeps=self.substeps, **options), threads=threads)
+        solver = SOLVERS[self.solver](substeps=self.substeps, **options)
+        return Simulation(scene, solver=solver, threads=threads, ledger=ledger)
 
     def __str__(self) -> str:
         """Such as "20 substeps, iterations 4" or "3 mm"; "default" where nothing is asked for."""
@@ -179,6 +181,20 @@ class Stage:
             result=result,
         )
 
+    def account(self, setting: Setting) -> tuple[Balance, int, str]:
+        """Take the motion at a setting, and give its energy accounts, substeps in a frame, and its result."""
+        ledger = Ledger()
+        simulation = self._simulation(setting, ledger)
+        simulation.start_from(self._start)
+        result = "finished"
+        for frame in range(1, self.frames):
+            try:
+                simulation.step(self._poses[frame], self._step(frame))
+            except Diverged as error:
+                result = f"diverged at frame {frame}: {error}"
+                break
+        return ledger.balance, simulation.substeps, result
+
     def run_windows(self, setting: Setting, reference: Trajectory) -> FloatArray:
         """Take each window from the reference's state at its start, and give the positions at all ends, (W, V, 3).
 
@@ -219,5 +235,5 @@ class Stage:
     def _step(self, frame: int) -> float:
         return float(self.times[frame] - self.times[frame - 1])
 
-    def _simulation(self, setting: Setting) -> Simulation:
-        return setting.simulation(self.standard.scene, threads=self.threads)
+    def _simulation(self, setting: Setting, ledger: Ledger | None = None) -> Simulation:
+        return setting.simulation(self.standard.scene, threads=self.threads, ledger=ledger)

@@ -9,6 +9,7 @@ import numpy as np
 
 from cape import team
 from cape.assemble import Assembly
+from cape.kernels.journal import Journal
 from cape.kernels.records import Motion, State, Team
 from motions.errors import ValueRangeError
 
@@ -24,11 +25,13 @@ class Solver(ABC):
         precision: of the cloth's positions and velocities; None to let the solver choose.
         usual_precision: what it chooses, unless a scene needs another.
         order: power of the step by which errors of moving cloth shrink, as measured on the scene `swing`.
+        sweeps: whether springs act by impulses that are found in sweeps over them, rather than by their forces.
     """
 
     name: ClassVar[str]
     usual_precision: ClassVar[Precision]
     order: ClassVar[float]
+    sweeps: ClassVar[bool] = False
     substeps: int | None = None
     precision: Precision | None = None
 
@@ -58,7 +61,7 @@ class Solver(ABC):
     @property
     @abstractmethod
     def _frame(self) -> Callable[..., Any]:
-        """The compiled function that advances a frame, called with `_arguments`, substeps, duration [s] and team."""
+        """The compiled function that advances a frame; after `_arguments` substeps, duration [s], journal and team."""
 
     @abstractmethod
     def _arguments(self, assembly: Assembly, room: Any, rank: int, state: State, motion: Motion) -> tuple[Any, ...]:
@@ -74,10 +77,12 @@ class Solver(ABC):
         duration: float,
         substeps: int,
         threads: int = 1,
+        journal: Journal | None = None,
     ) -> int:
         """Advance `state` in place by a frame of `duration` [s], while the bones move as `motion` tells.
 
-        `threads` is at most the number of the assembly's ranks; it never changes the result.
+        `threads` is at most the number of the assembly's ranks; it never changes the result. Nor does a `journal`, with
+        room for all substeps, which is filled with what each of them did.
 
         Returns:
             How many solves within the frame did not reach the solver's tolerance, 0 for explicit methods.
@@ -85,7 +90,7 @@ class Solver(ABC):
 
         def arguments(member: Team | None) -> tuple[Any, ...]:
             rank = 0 if member is None else member.rank
-            return (*self._arguments(assembly, room, rank, state, motion), substeps, duration, member)
+            return (*self._arguments(assembly, room, rank, state, motion), substeps, duration, journal, member)
 
         team.run(self._frame, arguments, threads)
         return 0

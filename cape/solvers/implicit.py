@@ -13,6 +13,7 @@ from cape.cloth import GridCloth
 from cape.kernels.conjugate import CHUNK
 from cape.kernels.grid import GridRoom
 from cape.kernels.implicit import GAMMA, UNSOLVED, backward_euler_frame, tr_bdf2_frame
+from cape.kernels.journal import Journal
 from cape.kernels.records import Attached, Contacts, ForceModel, Inertia, Motion, MotionRoom, State
 from cape.solvers.base import Precision, Solver
 from motions.errors import ValueRangeError
@@ -190,6 +191,7 @@ class ImplicitSolver(Solver):
         duration: float,
         substeps: int,
         threads: int = 1,
+        journal: Journal | None = None,
     ) -> int:
         """Advance `state` in place by a frame of `duration` [s].
 
@@ -197,7 +199,9 @@ class ImplicitSolver(Solver):
             How many stages were left with a correction above the tolerance.
         """
         room.counts[:] = 0
-        super().step(assembly, room, state, motion, duration=duration, substeps=substeps, threads=threads)
+        super().step(
+            assembly, room, state, motion, duration=duration, substeps=substeps, threads=threads, journal=journal
+        )
         return int(room.counts[0, UNSOLVED])
 
     def _arguments(

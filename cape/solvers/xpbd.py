@@ -60,6 +60,7 @@ class XPBD(Solver):
     name: ClassVar[str] = "xpbd"
     usual_precision: ClassVar[Precision] = "single"
     order: ClassVar[float] = 1.8
+    sweeps: ClassVar[bool] = True
     iterations: int = 1
 
     def __post_init__(self) -> None:
