@@ -205,6 +205,16 @@ def test_what_cannot_be_asked_for_is_refused(asked: dict[str, float]):
         Auto(**asked)
 
 
+def test_a_ledger_keeps_the_accounts_of_one_solver():
+    given = swing(spacing=0.06, seconds=0.1)
+    with pytest.raises(cape.UserError, match="one solver"):
+        cape.simulate(given.scene, given.track, solver=Auto(tolerance=0.001), ledger=cape.Ledger())
+    simulation = Simulation(given.scene, ledger=cape.Ledger())
+    simulation.start(poses_of(given.track, simulation.bones)[0])
+    with pytest.raises(cape.UserError, match="one solver"):
+        simulation.change_solver(cape.XPBD())
+
+
 def test_a_take_tells_of_errors_as_they_were_measured():
     given = swing(spacing=0.06, seconds=2.2)
     chosen = cape.simulate(given.scene, given.track, solver=Auto(tolerance=0.01))

@@ -193,8 +193,8 @@ def test_what_would_take_too_long_is_left_out_and_named(stage: Stage):
     done = sweep(stage, dataclasses.replace(TINY, scene_s=1e-3))
     left_out = [row for row in done.rows if not row.finished]
     # The first of each solver tells how long the others would take.
-    assert {row.setting for row in done.rows if row.finished} == {"default"}
-    assert len(left_out) == len(done.rows) - 2
+    assert {row.setting for row in done.rows if row.finished} == {"default", "10 mm"}
+    assert len(left_out) == len(done.rows) - 3
     assert all(row.result.startswith("left out: it takes about") for row in left_out)
     assert all(math.isnan(row.rms_mm) for row in left_out)
 
@@ -286,6 +286,15 @@ def test_the_page_shows_all_rows_and_what_could_not_be_told():
     rendered = page.html(text)
     assert rendered.count("<table>") == 2
     assert "<td>12.3</td>" in rendered
+
+
+def test_the_page_shows_what_became_of_the_tolerances_that_were_asked_for():
+    given = row(solver="xpbd", setting="20 substeps", rms_mm=2.0, seconds_per_second=0.05)
+    asked = row(solver="auto", setting="3 mm", rms_mm=2.5, seconds_per_second=0.04)
+    found = scene(given, asked)
+    assert page.choice(found, 3.0) == given
+    text = page.markdown(run.Report(TINY, [found], []), pictures=False, recordings=False, command="cape report")
+    assert "| 3 mm | 2.50 mm | 25.0 x | XPBD, 20 substeps: 20.0 x |" in text
 
 
 def test_the_diagram_has_a_curve_for_each_solver_a_band_and_the_line_of_real_time(tmp_path: Path):
