@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from cape.assemble import Assembly
 from cape.cuts import Cuts
-from cape.poses import Bones, Pose
+from cape.poses import Bones
 from cape.reach import geodesic_distances
 from cape.scene import Scene
 from cape.simulation import DEFAULT_CUTS, Simulation, Snapshot
@@ -38,9 +38,9 @@ EASY, HARD = 0.25, 1.25  # of it, below which longer steps are tried, and above 
 LEAST_CHANGE, MOST_CHANGE = 0.25, 1.5  # of the step at once: it becomes longer slowly, as a motion may begin gently
 REST = {"xpbd": 2.0, "euler": 3.0}  # s between two parts that are watched, while errors are small,
 SHORT_REST = 0.75  # of it, while they are more than
-PRESSING = 0.5  # of what is allowed; none beyond
-FAR = 2.0  # times that
+PRESSING, FAR = 0.5, 2.0  # of what is allowed; none beyond
 FILLED = 0.8  # of the budget, that is planned for
+CLOSE = 0.8  # of what is planned, above which steps stay as they are
 FINEST = 8.0  # times as short as stable steps of Euler, beyond which contact tells more than the step
 ADJUSTED = 30  # frames after which the number of steps is adjusted to the budget
 
@@ -138,8 +138,7 @@ class AutoSimulation(Simulation):
 
     def start_from(self, snapshot: Snapshot) -> None:
         """Choose solver and steps, then start as `Simulation.start_from` does."""
-        # Its last bone is the world.
-        self._choose(Pose(*(values[:-1] for values in snapshot.first_pose)))
+        self._choose(snapshot.first_pose.without_world())
         self._cloth = None
         super().start_from(snapshot)
         self._begin_to_watch()
@@ -172,10 +171,8 @@ class AutoSimulation(Simulation):
         self._watch, self._rest, self._finer, self._spent = None, 0.0, 1.0, []
         self._stable = FRAME / tried.forecast(FRAME).substeps
         if self.asked.budget is None:
-            self.solver = XPBD()
-            self._step = min(
-                hanging_step(self.scene, tried.assembly, START * (self.asked.tolerance or TOLERANCE)), FRAME / FEWEST
-            )
+            wanted = START * (self.asked.tolerance or TOLERANCE)
+            self._step = min(hanging_step(self.scene, tried.assembly, wanted), FRAME / FEWEST)
             self.solver = euler if self._euler_is_faster else XPBD(substeps=self._count(FRAME))
             return
         room = FILLED * self.asked.budget
@@ -235,7 +232,7 @@ class AutoSimulation(Simulation):
         assert self.asked.budget is not None
         self._spent.clear()
         share = seconds / (FILLED * self.asked.budget)
-        if 0.8 < share < 1.0 / FILLED:
+        if CLOSE < share < 1.0 / FILLED:
             return
         if isinstance(self.solver, XPBD):
             self._step = min(self._step * share, FRAME)

@@ -23,6 +23,10 @@ class Pose(NamedTuple):
         """Give the pose that lies a vector [m] further on."""
         return Pose(self.positions + shift, self.rotations_wxyz)
 
+    def without_world(self) -> "Pose":
+        """The pose as it was before `read_pose` added the world."""
+        return Pose(self.positions[:-1], self.rotations_wxyz[:-1])
+
 
 Bones = Mapping[str, tuple[ArrayLike, ArrayLike]] | Pose
 

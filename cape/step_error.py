@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.poses import Bones
+from cape.poses import Bones, Pose, read_pose
 from cape.scene import Scene
 from cape.simulation import Diverged, Simulation, Snapshot
 from cape.solvers import Solver, SymplecticEuler
@@ -61,7 +61,7 @@ class Watch:
         self._twin = Simulation(run.scene, solver=run.solver, threads=run.threads, cuts=None)
         self._twin.start_from(run.snapshot())
         self._start: Snapshot | None = None
-        self._frames: list[tuple[Bones, float]] = []
+        self._frames: list[tuple[Pose, float]] = []
         self._time = self._span = 0.0
         self._jumps = 0
 
@@ -84,7 +84,7 @@ class Watch:
         """Note a frame of `dt` [s] that the run has taken, to a pose."""
         self._time += dt
         if self.watching:
-            self._frames.append((bones, dt))
+            self._frames.append((read_pose(bones, self._run.bones).without_world(), dt))
             self._span += dt
         if self._run.jumps != self._jumps:
             self._start = None

@@ -119,6 +119,24 @@ def test_the_second_run_takes_half_the_steps_or_twice_as_many():
     assert other_steps(cape.TRBDF2(tolerance=1e-6), 8) == cape.TRBDF2(tolerance=1e-6, substeps=4)
 
 
+def test_a_part_is_taken_again_as_it_was_though_arrays_are_used_again():
+    given = swing(spacing=0.06, seconds=0.5)
+    errors = []
+    for shared in (False, True):
+        simulation = Simulation(given.scene, solver=cape.XPBD())
+        place = np.zeros(3)
+        simulation.start({"rod": (place, [1.0, 0.0, 0.0, 0.0])})
+        watch = Watch(simulation)
+        watch.begin(0.25)
+        for frame in range(1, 16):
+            place = place if shared else np.zeros(3)
+            place[0] = 0.01 * frame
+            simulation.step({"rod": (place, [1.0, 0.0, 0.0, 0.0])}, 1 / 60)
+            watch.note({"rod": (place, [1.0, 0.0, 0.0, 0.0])}, 1 / 60)
+        errors.append(watch.end())
+    assert errors[0] == errors[1]
+
+
 def test_a_part_in_which_bones_jump_is_left_out():
     given = swing(spacing=0.06, seconds=0.5)
     simulation = Simulation(given.scene, cuts=Cuts(speed=5.0))

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from cape.attach import attach
 from cape.cloth import Cloth, GridCloth, MeshCloth
-from cape.colliders import Collider, Plane, Sphere
+from cape.colliders import Box, Collider, Plane, Sphere
 from cape.cuts import Cuts
-from cape.fabric import Fabric
+from cape.fabric import FABRICS, Fabric
 from cape.scene import Scene
 from cape.scenes import StandardScene, frame_times, track_of
 from cape.wind import Wind
@@ -181,11 +181,42 @@ def _mesh(across: FloatArray, down: FloatArray) -> MeshCloth:
     return Cloth.from_mesh(points, triangles, regions={"top": np.arange(columns)})
 
 
+def _unsewn() -> MeshCloth:
+    """A sheet of two halves whose vertices lie in the same places along the seam, and are not joined."""
+    lines = np.linspace(0.0, 0.3, 8)
+    half, other = _mesh(lines, np.linspace(0.0, 0.6, 16)), _mesh(lines + 0.3, np.linspace(0.0, 0.6, 16))
+    return Cloth.from_mesh(
+        np.concatenate([half.positions, other.positions]),
+        np.concatenate([half.triangles, other.triangles + half.vertices]),
+        regions={"top": np.concatenate([half.region("top"), other.region("top") + half.vertices])},
+    )
+
+
+def _draped() -> StandardScene:
+    """A cloth of 30 cm on a plate of 18 cm, the sizes of Cusick's drape meter, both square."""
+    sheet = Cloth.rectangle(
+        width=0.3, height=0.3, spacing=0.02, origin=(-0.15, 0.15, 0.02), right=(0, -1, 0), down=(1, 0, 0)
+    )
+    times = frame_times(2.0)
+    plate = Box(half_sizes=np.array([0.09, 0.09, 0.01]))
+    return StandardScene("", Scene(sheet, [], [plate], wind=Wind()), track_of(times, ground=np.zeros((len(times), 3))))
+
+
+def _cantilever() -> StandardScene:
+    """A strip of denim, 5 x 20 cm, held level by its first two rows, as the standard test of stiffness begins."""
+    strip = Cloth.rectangle(
+        width=0.05, height=0.2, spacing=0.01, origin=(0.0, 0.025, 1.5), down=(1, 0, 0), fabric=FABRICS["denim"]
+    )
+    held = attach(strip, "rod", np.flatnonzero(strip.pattern[:, 1] < 0.015))
+    times = frame_times(2.0)
+    return StandardScene("", Scene(strip, [held]), track_of(times, rod=np.zeros((len(times), 3))))
+
+
 def _rested() -> StandardScene:
     sheet = Cloth.rectangle(
         width=0.8, height=0.8, spacing=0.04, origin=(-0.4, 0.4, 0.32), right=(0, -1, 0), down=(1, 0, 0)
     )
-    times = frame_times(10.0)
+    times = frame_times(60.0)
     ball = Sphere(center=np.zeros(3), radius=0.3)
     return StandardScene("", Scene(sheet, [], [ball], wind=Wind()), track_of(times, ground=np.zeros((len(times), 3))))
 
@@ -207,9 +238,9 @@ def _shaken() -> StandardScene:
     return hung(places={"rod": places}, seconds=3.0)
 
 
-def _slow_frames() -> StandardScene:
-    """The swing at 10 frames a second."""
-    times = np.arange(21) / 10.0
+def _at(fps: float) -> StandardScene:
+    """A swing for two seconds, seen at some frames a second."""
+    times = np.arange(round(2.0 * fps) + 1) / fps
     places = np.zeros((len(times), 3))
     places[:, 0] = 0.15 * np.sin(2.0 * np.pi * np.clip(times, 0.0, 1.0))
     cloth = _sheet()
@@ -241,11 +272,15 @@ _CASES = (
     Case("light", "vertices of 2 mg", lambda: hung(fabric=Fabric(density=1e-3))),
     Case("graded", "masses that differ 10,000 times", lambda: hung(cloth=_graded())),
     Case("slivers", "triangles 50 times as long as high", lambda: hung(cloth=_slivers())),
+    Case("unsewn", "two halves with vertices of their own along the seam", lambda: hung(cloth=_unsewn())),
     Case("stormy", "in a wind of 40 m/s", lambda: hung(wind=Wind(velocity=(40.0, 0.0, 0.0))), stretch=0.2),
     Case("shaken", "three times a second by half a metre", _shaken, stretch=0.3),
-    Case("jerky", "10 frames a second", _slow_frames),
+    Case("jerky", "10 frames a second", lambda: _at(10.0)),
+    Case("swift", "240 frames a second", lambda: _at(240.0)),
     Case("dropped", "on edge, to fold up on the ground", _on_the_floor),
-    Case("resting", "on a ball for 10 s", _rested),
+    Case("resting", "on a ball for a minute", _rested),
+    Case("draped", "over a plate with sharp edges", _draped),
+    Case("cantilever", "of denim, held level by one end", _cantilever),
     Case("crowded", "falls among a thousand balls", _crowded),
 )
 
