@@ -114,7 +114,7 @@ def _twisted() -> StandardScene:
 
 def _pinched() -> StandardScene:
     times = frame_times(3.0)
-    # Closed, 4 cm into each other, from 1 to 2 s; then open again.
+    # Closed, 8 cm into each other, from 1 to 2 s; then open again.
     apart = 0.25 - 0.21 * np.clip(np.minimum(times, 3.0 - times), 0.0, 1.0)
     places = {"left": np.zeros((len(times), 3)), "right": np.zeros((len(times), 3))}
     places["left"][:, 0], places["right"][:, 0] = apart - 0.02, 0.02 - apart
@@ -262,7 +262,7 @@ _CASES = (
     Case("crumpled", "all vertices start anywhere", hung, after=1.5, disturb=crumpled),
     Case("flattened", "all vertices start at one height", hung, after=1.5, disturb=flattened),
     Case("twisted", "three turns of a strip by its ends", _twisted, stretch=0.25),
-    Case("pinched", "two limbs, 4 cm into each other, close on the cape", _pinched, after=2.5),
+    Case("pinched", "two limbs close on the cape, 8 cm into each other", _pinched, after=2.5),
     Case("inside", "starts across a ball", _started_inside, after=1.0),
     Case("teleported", "10 m in a frame", _teleported),
     Case("half a turn", "in a frame", _half_turned),
