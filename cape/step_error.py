@@ -19,6 +19,7 @@ from cape.poses import Bones, Pose, read_pose
 from cape.scene import Scene
 from cape.simulation import Diverged, Simulation, Snapshot
 from cape.solvers import Solver, SymplecticEuler
+from motions.errors import ValueRangeError
 
 FREE_WINDOW = 1.0  # s: errors of cloth that only swings need so long to show
 TOUCHED_WINDOW = 0.1  # s, of cloth that touches something or flutters: later, chaos tells more than the step
@@ -90,8 +91,13 @@ class Watch:
             self._start = None
 
     def end(self) -> StepError:
-        """End a part: take it a second time, and tell the error."""
-        assert self._start is not None
+        """End a part: take it a second time, and tell the error.
+
+        Raises:
+            ValueRangeError: none has begun, or the bones have jumped within it.
+        """
+        if self._start is None:
+            raise ValueRangeError("no part of the motion has begun, or its bones have jumped")
         substeps = max(self._run.substeps, 1)
         solver = other_steps(self._run.solver, substeps)
         rms = np.inf

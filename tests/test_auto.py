@@ -150,6 +150,8 @@ def test_a_part_in_which_bones_jump_is_left_out():
         watch.note(pose, 1 / 60)
     assert simulation.jumps == 1
     assert not watch.watching
+    with pytest.raises(cape.UserError, match="no part"):
+        watch.end()
 
 
 @pytest.mark.parametrize("second", [cape.XPBD(), cape.TRBDF2(), cape.SymplecticEuler(precision="double")])

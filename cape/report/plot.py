@@ -29,15 +29,10 @@ def save_diagram(scene: Scene, path: Path) -> None:
     Raises:
         UserError: matplotlib is not installed.
     """
-    require_matplotlib()
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     kinds = [("rms_mm", "root mean square error of trajectories [mm]")]
     if not scene.smooth:
         kinds = [("window_mm", f"error after {WINDOW:g} s from the reference's states [mm]"), *kinds]
-    figure = Figure(figsize=(6.5 * len(kinds), 4.8), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = _figure(6.5 * len(kinds), 4.8)
     for axes, (kind, label) in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
         draw(axes, scene, kind)
         axes.set_xlabel(label)
@@ -79,12 +74,7 @@ def save_space_diagram(rows: Sequence[SpaceRow], path: Path) -> None:
     Raises:
         UserError: matplotlib is not installed.
     """
-    require_matplotlib()
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(13.0, 4.8), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = _figure(13.0, 4.8)
     shape, period = figure.subplots(1, 2)
     draw_space(shape, [(row, row.shape_mm) for row in rows], "distance from the finest sheet at rest [mm]")
     draw_space(period, [(row, 100.0 * abs(row.period_error)) for row in rows], "error of the period [%]")
@@ -113,13 +103,8 @@ def save_energy(accounts: Sequence[Account], path: Path) -> None:
     Raises:
         UserError: matplotlib is not installed.
     """
-    require_matplotlib()
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     usual = [account for account in accounts if account.setting == "default"]
-    figure = Figure(figsize=(3.4 * len(usual), 3.6), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = _figure(3.4 * len(usual), 3.6)
     for axes, account in zip(figure.subplots(1, len(usual), sharey=True, squeeze=False)[0], usual, strict=True):
         draw_energy(axes, account)
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False)
@@ -137,3 +122,14 @@ def draw_energy(axes: Any, account: Account) -> None:
         axes.plot(times, sign * curves[name], color=colour, linewidth=1.2, label=name)
     axes.set(title=NAMES.get(account.solver, account.solver), xlabel="time [s]")
     axes.grid(True, alpha=0.3)
+
+
+def _figure(width: float, height: float) -> Any:
+    """An empty figure of that size [in], which needs no window."""
+    require_matplotlib()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
