@@ -201,6 +201,13 @@ class AutoSimulation(Simulation):
         usual = SymplecticEuler()
         return usual if self._finer == 1.0 else replace(usual, margin=usual.margin / self._finer)
 
+    def _make_finer(self, times: float) -> None:
+        """Make Euler's steps so many times as short, as far as that makes sense."""
+        finer = min(max(times * self._finer, 1.0), FINEST)
+        if finer != self._finer:
+            self._finer = finer
+            self.change_solver(self._finer_euler())
+
     def _take_steps(self, dt: float) -> None:
         """Set the number of steps in a frame of `dt` [s]."""
         if isinstance(self.solver, XPBD):
@@ -221,9 +228,8 @@ class AutoSimulation(Simulation):
                 self._step = min(self._step * change, FRAME / FEWEST)
                 if self._euler_is_faster:
                     self.change_solver(SymplecticEuler())
-            elif self._finer < FINEST if share > HARD else self._finer > 1.0:
-                self._finer = min(max(self._finer / change, 1.0), FINEST)
-                self.change_solver(self._finer_euler())
+            else:
+                self._make_finer(1.0 / change)
         if share <= FAR:
             self._rest = REST[self.solver.name] * (SHORT_REST if share > PRESSING else 1.0)
 
@@ -239,9 +245,8 @@ class AutoSimulation(Simulation):
         elif share > 1.0 and self._finer == 1.0:
             self._step = self._stable * DEARER * share
             self.change_solver(XPBD())
-        elif not (share < 1.0 and self._finer == FINEST):
-            self._finer = min(max(self._finer / share, 1.0), FINEST)
-            self.change_solver(self._finer_euler())
+        else:
+            self._make_finer(1.0 / share)
 
 
 def hanging_step(scene: Scene, assembly: Assembly, error: float) -> float:
