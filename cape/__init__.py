@@ -18,7 +18,7 @@ from cape.solvers import SOLVERS, TRBDF2, XPBD, BackwardEuler, Solver, Symplecti
 from cape.take import Take
 from cape.wind import Wind
 from motions.errors import UserError
-from skeleton.capsules import Capsule
+from skeleton.shapes import Capsule
 
 __all__ = [
     "FABRICS",

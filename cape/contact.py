@@ -18,7 +18,7 @@ from cape.kernels.watch import TILE
 from cape.layers import layers_of
 from cape.scene import Scene
 from motions import quaternions
-from skeleton.capsules import Capsule
+from skeleton.shapes import Capsule
 
 FloatArray = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from cape.colliders import Collider, Plane
 from motions import quaternions
-from skeleton.capsules import Capsule
+from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack
 
 RARE = 0.02  # share of frames that may go below: a foot that sinks in once does not lower the floor

@@ -15,7 +15,7 @@ from cape.scene import Scene
 from cape.wind import Wind
 from motions import quaternions
 from motions.errors import UnknownNameError
-from skeleton.capsules import Capsule
+from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]

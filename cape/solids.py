@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cape import colliders
 from cape.colliders import Box, Collider, Plane, Sphere
 from motions import quaternions
-from skeleton.capsules import Capsule
+from skeleton.shapes import Capsule
 
 FloatArray = NDArray[np.float64]
 

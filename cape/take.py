@@ -11,7 +11,7 @@ from cape.colliders import Collider
 from cape.contact_points import ContactPoints
 from cape.scene import Scene
 from cape.step_error import StepError
-from skeleton.capsules import Capsule
+from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]

@@ -1,7 +1,6 @@
 """Capsules around head, trunk and limbs, sized by the proportions of the human body."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 from motions.errors import UnknownNameError, ValueRangeError
 from skeleton import proportions
 from skeleton.rest import NEXT_ROLE, RestPose, missing_roles
+from skeleton.shapes import Capsule
 
 FloatArray = NDArray[np.float64]
 
@@ -24,40 +24,6 @@ CAPSULES: tuple[str, ...] = (
     *(f"{side}_{limb}" for side in SIDES for limb in ("thigh", "shin", "foot")),
 )
 """Names of all capsules of a whole body."""
-
-
-@dataclass(frozen=True, eq=False)
-class Capsule:
-    """All points within `radius` of a segment that moves with a bone.
-
-    Attributes:
-        name: unique name, the role where the bone plays one, otherwise the bone's own.
-        bone: name of the bone that carries it, None for one that stands still in the world.
-        start: one end of the segment in the bone's frame [m], shape (3,).
-        end: the other end in the bone's frame [m], shape (3,).
-        radius: [m].
-        friction: Coulomb coefficient against cloth, None for the scene's default.
-        thickness: distance from the surface at which cloth is stopped [m], None for the scene's default.
-    """
-
-    name: str
-    bone: str | None
-    start: NDArray[np.float64]
-    end: NDArray[np.float64]
-    radius: float
-    friction: float | None = None
-    thickness: float | None = None
-
-    def __post_init__(self):
-        """Copy, check and freeze the ends."""
-        for label in ("start", "end"):
-            point = np.array(getattr(self, label), dtype=float)
-            if point.shape != (3,) or not np.isfinite(point).all():
-                raise ValueRangeError(f"{label} of the capsule {self.name!r} must be three finite numbers, got {point}")
-            point.setflags(write=False)
-            object.__setattr__(self, label, point)
-        if not (np.isfinite(self.radius) and self.radius > 0):
-            raise ValueRangeError(f"the radius of the capsule {self.name!r} must be positive, got {self.radius}")
 
 
 def body_capsules(

@@ -13,11 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from motions import quaternions
 from motions.clip import Clip
+from motions.conventions import to_z_up
 from motions.errors import FileError, UnknownNameError, ValueRangeError
 from motions.roles import find_roles, require_role
 from skeleton.capsules import Capsule, body_capsules
-from skeleton.rest import RestPose, mean_rotations
-from skeleton.robots import find_urdf, known_roles
+from skeleton.rest import RestPose, mean_rotations, missing_roles
+from skeleton.robot_motion import RobotMotion
+from skeleton.robots import RobotSource, find_urdf, known_roles, package_folders
 from skeleton.track import BoneTrack, nearest_parents
 
 if TYPE_CHECKING:
@@ -42,7 +44,8 @@ class Skeleton:
         parents: index of each bone's parent, -1 for none, shape (B,).
         roles: name of the bone of each role that was found, such as {"left_shoulder": "LeftCollar"}.
         rest: the bones in a typical pose.
-        is_robot: whether a motion is an array of configurations; otherwise it is a Clip.
+        source: the files of a robot, whose motion is an array of configurations; None for the body of a clip.
+        decisions: what had to be decided about a robot's files, a sentence each.
     """
 
     model: "pinocchio.Model"
@@ -50,7 +53,8 @@ class Skeleton:
     parents: NDArray[np.int64]
     roles: Mapping[str, str]
     rest: RestPose
-    is_robot: bool
+    source: RobotSource | None = None
+    decisions: tuple[str, ...] = ()
 
     @staticmethod
     def from_clip(clip: Clip, *, roles: Mapping[str, str] | None = None) -> "Skeleton":
@@ -71,40 +75,48 @@ class Skeleton:
         local = clip.offsets[None] if clip.local_positions is None else clip.local_positions.mean(axis=0, keepdims=True)
         typical = _configurations(model, np.zeros((1, 3)), mean_rotations(clip.rotations_wxyz)[None], local)[0]
         rest = _rest_pose(model, typical, found, clip.end_parents, clip.end_offsets)
-        return Skeleton(model, rest.bones, rest.parents, found, rest, is_robot=False)
+        return Skeleton(model, rest.bones, rest.parents, found, rest)
 
     @staticmethod
     def from_urdf(
-        path_or_name: str | Path, *, roles: Mapping[str, str] | None = None, floating_base: bool = True
+        path_or_name: str | Path,
+        *,
+        roles: Mapping[str, str] | None = None,
+        floating_base: bool = True,
+        up: str | None = None,
+        package_dirs: Sequence[str | Path] = (),
     ) -> "Skeleton":
         """A robot from a URDF file, or by its name in example-robot-data (`skeleton.ROBOTS`).
 
         Args:
-            path_or_name: "walker.urdf" or "g1".
+            path_or_name: "walker.urdf", "package://walker_description/urdf/walker.urdf" or "g1".
             roles: joint names for roles that aren't found or are found wrongly; they win.
-            floating_base: whether the root moves freely; it is then the bone "root_joint" and the first seven numbers
-                of a configuration, position [m] and quaternion (x, y, z, w).
+            floating_base: whether the root moves freely, by a joint that is added where the file has none; it is then
+                the bone "root_joint" and the first seven numbers of a configuration, position [m] and quaternion
+                (x, y, z, w).
+            up: "x", "y", "z", "-x", "-y" or "-z", the axis of the robot's world that points up, which is turned to +Z;
+                None compares the shoulders with the hips in the neutral configuration.
+            package_dirs: folders that hold the packages that the file names, such as those with its meshes.
 
         Raises:
-            UnknownNameError: no robot of that name, or an override's role or joint doesn't exist.
+            UnknownNameError: no robot of that name, no such axis, or an override's role or joint doesn't exist.
             FileError: the file is missing or Pinocchio can't read it.
         """
-        import pinocchio as pin
-
-        path = find_urdf(path_or_name)
-        try:
-            base = (pin.JointModelFreeFlyer(),) if floating_base else ()
-            model = pin.buildModelFromUrdf(str(path), *base)
-        except (ValueError, RuntimeError) as error:
-            raise FileError(f"{path} can't be read as URDF: {' '.join(str(error).split())}") from None
-        if model.njoints < 2:
-            raise FileError(f"{path} has no joint that moves")
+        path = find_urdf(path_or_name, package_dirs)
+        model = _model_of_urdf(path, floating_base)
         names = tuple(model.names)[1:]
         parents = np.array(model.parents.tolist()[1:]) - 1
         given = {role: joint for role, joint in known_roles(path_or_name).items() if joint in names}
         found = find_roles(names, parents.tolist(), {**given, **(roles or {})})
-        rest = _rest_pose(model, pin.neutral(model), found, np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
-        return Skeleton(model, names, parents, found, rest, is_robot=True)
+        up, decisions = (up, ()) if up is not None else _choose_up(_robot_rest(model, found))
+        _stand_up(model, up)
+        source = RobotSource(path, tuple(package_folders(path, package_dirs)))
+        return Skeleton(model, names, parents, found, _robot_rest(model, found), source, decisions)
+
+    @property
+    def is_robot(self) -> bool:
+        """Whether a motion is an array of configurations; otherwise it is a Clip."""
+        return self.source is not None
 
     def role(self, name: str) -> str:
         """Name of the bone that plays a role.
@@ -159,7 +171,7 @@ class Skeleton:
 
     def track(
         self,
-        motion: Clip | ArrayLike,
+        motion: Clip | RobotMotion | ArrayLike,
         bones: Sequence[str] | None = None,
         *,
         fps: float | None = None,
@@ -168,9 +180,10 @@ class Skeleton:
         """World poses of bones in a motion, by Pinocchio's forward kinematics.
 
         Args:
-            motion: a clip with the body's joints; for a robot its configurations, shape (F, nq), in Pinocchio's order.
+            motion: a clip with the body's joints; for a robot a motion of its own, or its configurations, shape
+                (F, nq), in Pinocchio's order.
             bones: names or roles of the bones to read out, all by default. What isn't asked for isn't read.
-            fps: frames per second of the configurations; a clip has its own.
+            fps: frames per second of the configurations; a clip and a robot's motion have their own.
             times: times of the configurations [s], increasing, shape (F,), instead of `fps`.
 
         Raises:
@@ -179,6 +192,10 @@ class Skeleton:
         """
         chosen = range(len(self.bones)) if bones is None else dict.fromkeys(self.bone(bone) for bone in bones)
         chosen = list(chosen)
+        if isinstance(motion, RobotMotion):
+            if fps is not None or times is not None:
+                raise ValueRangeError("fps and times are for configurations; a robot's motion has its own times")
+            motion, times = motion.configurations, motion.times
         if isinstance(motion, Clip):
             if self.is_robot:
                 raise ValueRangeError(f"a robot's motion is an array of configurations, got the clip {motion.name!r}")
@@ -225,6 +242,47 @@ class Skeleton:
             frame = int(np.argwhere(~np.isfinite(configurations))[0, 0])
             raise ValueRangeError(f"the configuration of frame {frame} holds NaN or infinity")
         return np.array([pin.normalize(self.model, q) for q in configurations])
+
+
+def _model_of_urdf(path: Path, floating_base: bool) -> "pinocchio.Model":
+    """The model of a robot, with a joint in front that moves freely where one is wanted and missing."""
+    import pinocchio as pin
+
+    try:
+        model = pin.buildModelFromUrdf(str(path))
+        floats = [joint.shortname() for joint in model.joints.tolist()[1:2]] == ["JointModelFreeFlyer"]
+        if floating_base and not floats:
+            model = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
+    except (ValueError, RuntimeError) as error:
+        raise FileError(f"{path} can't be read as URDF: {' '.join(str(error).split())}") from None
+    if model.njoints < 2:
+        raise FileError(f"{path} has no joint that moves")
+    return model
+
+
+def _robot_rest(model: "pinocchio.Model", roles: Mapping[str, str]) -> RestPose:
+    import pinocchio as pin
+
+    return _rest_pose(model, pin.neutral(model), roles, np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+
+
+def _choose_up(rest: RestPose) -> tuple[str, tuple[str, ...]]:
+    """The axis that points from the hips to the shoulders, +Z where there are none, and a sentence on any other."""
+    if missing_roles(rest, ("left_upper_arm", "right_upper_arm", "left_thigh", "right_thigh")):
+        return "z", ()
+    axis = int(np.argmax(np.abs(rest.up)))
+    up = ("-" if rest.up[axis] < 0.0 else "") + "xyz"[axis]
+    return up, () if up == "z" else (f"up: {up} in the robot's file, turned to +Z",)
+
+
+def _stand_up(model: "pinocchio.Model", up: str) -> None:
+    """Turn the world of a model, so that one of its axes points along +Z."""
+    import pinocchio as pin
+
+    turn = pin.SE3(to_z_up(up), np.zeros(3))
+    for joint in range(1, model.njoints):
+        if model.parents[joint] == 0:
+            model.jointPlacements[joint] = turn * model.jointPlacements[joint]
 
 
 def _model_of_clip(clip: Clip) -> "pinocchio.Model":

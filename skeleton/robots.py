@@ -1,7 +1,9 @@
-"""Where the humanoid robots of the package example-robot-data are, and which joints play their roles."""
+"""Where robots' files are, those of the package example-robot-data by name, and which joints play their roles."""
 
 import importlib.metadata
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from motions.errors import FileError, UnknownNameError
@@ -15,20 +17,48 @@ _URDF_OF = {
     "simple_humanoid": "simple_humanoid_description/urdf/simple_humanoid.urdf",
 }
 
+
+@dataclass(frozen=True)
+class RobotSource:
+    """The files that a robot was read from.
+
+    Attributes:
+        urdf: its URDF file.
+        package_folders: folders in which the packages may lie that the URDF file names.
+    """
+
+    urdf: Path
+    package_folders: tuple[str, ...]
+
+
 ROBOTS: tuple[str, ...] = tuple(_URDF_OF)
 """Names that `find_urdf` knows."""
 
 
-def find_urdf(path_or_name: str | Path) -> Path:
-    """The URDF file of a robot given by its path or by its name in example-robot-data.
+_PACKAGE = "package://"
+
+
+def find_urdf(path_or_name: str | Path, package_dirs: Sequence[str | Path] = ()) -> Path:
+    """The URDF file of a robot given by its path, its path in a package, or its name in example-robot-data.
+
+    Args:
+        path_or_name: "walker.urdf", "package://walker_description/urdf/walker.urdf" or "g1".
+        package_dirs: folders that hold packages, looked into before those of the environment's ROS_PACKAGE_PATH.
 
     Raises:
         UnknownNameError: neither a file nor the name of a robot; lists the robots.
-        FileError: the path is a directory, or example-robot-data isn't installed.
+        FileError: the path is a directory, no folder holds the package's file, or example-robot-data isn't installed.
     """
     name = str(path_or_name)
     if name in _URDF_OF:
         return _robots_folder() / _URDF_OF[name]
+    if name.startswith(_PACKAGE):
+        folders = [*map(Path, package_dirs), *_ros_folders(), _data_folder()]
+        for folder in folders:
+            if (path := folder / name.removeprefix(_PACKAGE)).is_file():
+                return path
+        looked = ", ".join(map(str, folders))
+        raise FileError(f"no folder holds {name}; looked in: {looked}")
     path = Path(path_or_name)
     if path.is_dir():
         raise FileError(f"{path} is a directory, not a URDF file")
@@ -39,17 +69,31 @@ def find_urdf(path_or_name: str | Path) -> Path:
     raise UnknownNameError("robot", name, ROBOTS, "Or give the path of a URDF file")
 
 
+def package_folders(urdf: Path, package_dirs: Sequence[str | Path] = ()) -> list[str]:
+    """Folders in which the packages that a URDF file names may lie: given ones, those above the file, known ones."""
+    above = [str(folder) for folder in urdf.resolve().parents]
+    return [*map(str, package_dirs), *above, *map(str, _ros_folders()), str(_data_folder())]
+
+
 def known_roles(path_or_name: str | Path) -> Mapping[str, str]:
     """Joints of the roles of a robot whose joints' names don't tell, empty for any other."""
     return _ROLES_OF.get(str(path_or_name), {})
 
 
+def _ros_folders() -> list[Path]:
+    return [Path(folder) for folder in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if folder]
+
+
 def _robots_folder() -> Path:
+    return _data_folder() / "example-robot-data" / "robots"
+
+
+def _data_folder() -> Path:
     try:
         distribution = importlib.metadata.distribution("example-robot-data")
     except importlib.metadata.PackageNotFoundError:
         raise FileError("the package example-robot-data, which holds the robots, is not installed") from None
-    return Path(str(distribution.locate_file("cmeel.prefix/share/example-robot-data/robots")))
+    return Path(str(distribution.locate_file("cmeel.prefix/share")))
 
 
 def _both_sides(limbs: Mapping[str, str]) -> dict[str, str]:

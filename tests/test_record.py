@@ -25,7 +25,7 @@ from cape.record.stage import heading, skeleton_height, smoothed_path
 from cape.take import Take
 from motions import quaternions
 from motions.errors import FileError, UnknownNameError, ValueRangeError
-from skeleton.capsules import Capsule
+from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack
 
 HERE = Path(__file__).parent

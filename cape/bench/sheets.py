@@ -15,7 +15,7 @@ from cape.fabric import Fabric
 from cape.scene import Scene
 from cape.scenes import StandardScene, swing
 from cape.wind import Wind
-from skeleton.capsules import Capsule
+from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack
 
 WIDTH, HEIGHT = 0.8, 1.2  # m, of the scene `swing`

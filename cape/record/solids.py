@@ -14,7 +14,7 @@ from cape.record.frames import Frames, send_once
 from cape.record.poses import bone_poses, xyzw
 from cape.record.revolved import tapered_hull
 from motions import quaternions
-from skeleton.capsules import Capsule
+from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack
 
 if TYPE_CHECKING:

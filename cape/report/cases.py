@@ -17,7 +17,7 @@ from cape.fabric import FABRICS, Fabric
 from cape.scene import Scene
 from cape.scenes import StandardScene, frame_times, track_of
 from cape.wind import Wind
-from skeleton.capsules import Capsule
+from skeleton.shapes import Capsule
 
 FloatArray = NDArray[np.float64]
 Disturbed = Callable[[np.random.Generator, FloatArray], FloatArray]

@@ -1,0 +1,137 @@
+"""The surfaces of a robot's links: the meshes and primitives that its URDF names."""
+
+# Pinocchio and coal lie in a folder that only a .pth file puts on the path, where pyright doesn't look.
+# pyright: reportMissingImports=false
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motions import quaternions
+from motions.errors import FileError, ValueRangeError
+from skeleton.model import Skeleton
+from skeleton.shapes import Box, Capsule, Sphere
+
+if TYPE_CHECKING:
+    import pinocchio
+
+FloatArray = NDArray[np.float64]
+
+Kind = Literal["visual", "collision"]
+
+
+@dataclass(frozen=True, eq=False)
+class LinkSurface:
+    """A piece of a link: a triangle mesh that a bone carries.
+
+    Attributes:
+        name: unique name, the link's followed by a number.
+        link: name of the link.
+        bone: name of the bone that carries it, None for one that stands still in the world.
+        vertices: in the bone's frame, in the world's without a bone [m], shape (V, 3).
+        triangles: indices of the vertices, counterclockwise seen from outside, shape (T, 3).
+        rgba: colour, each from 0 to 1, shape (4,); None where the file names none.
+        primitive: the same as a solid, where the file has a sphere, a capsule or a box.
+    """
+
+    name: str
+    link: str
+    bone: str | None
+    vertices: FloatArray
+    triangles: NDArray[np.uint32]
+    rgba: FloatArray | None = None
+    primitive: Sphere | Capsule | Box | None = None
+
+
+def link_surfaces(body: Skeleton, kind: Kind) -> tuple[LinkSurface, ...]:
+    """The pieces of all links of a robot, as seen or as meant for collisions.
+
+    Raises:
+        ValueRangeError: the body is no robot, so it has no links.
+        FileError: a mesh is missing or can't be read; names the folders that were looked in.
+    """
+    model = geometry_model(body, kind)
+    names = [body.model.frames[int(solid.parentFrame)].name for solid in model.geometryObjects]
+    return tuple(_surface(body, solid, link) for solid, link in zip(model.geometryObjects, names, strict=True))
+
+
+def geometry_model(body: Skeleton, kind: Kind) -> "pinocchio.GeometryModel":
+    """Pinocchio's own geometry of a robot, whose placements are in the frames of its joints.
+
+    Raises:
+        ValueRangeError: the body is no robot.
+        FileError: a mesh is missing or can't be read; names the folders that were looked in.
+    """
+    import pinocchio as pin
+
+    if body.source is None:
+        raise ValueRangeError("only a robot has links with surfaces; the body of a clip has none")
+    which = pin.GeometryType.VISUAL if kind == "visual" else pin.GeometryType.COLLISION
+    folders = list(body.source.package_folders)
+    try:
+        return pin.buildGeomFromUrdf(body.model, str(body.source.urdf), which, package_dirs=folders)
+    except (ValueError, RuntimeError) as error:
+        problem = " ".join(str(error).split())
+        raise FileError(
+            f"the {kind} meshes of {body.source.urdf} can't be read: {problem}; packages were looked for in "
+            + ", ".join(folders)
+        ) from None
+
+
+def _surface(body: Skeleton, solid: Any, link: str) -> LinkSurface:
+    bone = body.bones[solid.parentJoint - 1] if solid.parentJoint > 0 else None
+    rotation, origin = solid.placement.rotation, solid.placement.translation
+    vertices, triangles = _mesh(solid.geometry)
+    return LinkSurface(
+        name=solid.name,
+        link=link,
+        bone=bone,
+        # Coal has scaled a mesh already as the file asks.
+        vertices=vertices @ rotation.T + origin,
+        triangles=triangles,
+        rgba=np.array(solid.meshColor, dtype=float) if solid.overrideMaterial else None,
+        primitive=_primitive(solid, bone),
+    )
+
+
+def _primitive(solid: Any, bone: str | None) -> Sphere | Capsule | Box | None:
+    """A solid of the file as a collider in the bone's frame."""
+    import coal
+
+    shape, placement = solid.geometry, solid.placement
+    if isinstance(shape, coal.Sphere):
+        return Sphere(name=solid.name, bone=bone, center=placement.translation, radius=shape.radius)
+    if isinstance(shape, coal.Capsule):
+        half = shape.halfLength * placement.rotation[:, 2]
+        return Capsule(solid.name, bone, placement.translation - half, placement.translation + half, shape.radius)
+    if isinstance(shape, coal.Box):
+        turn = quaternions.from_matrix(placement.rotation)
+        center, half_sizes = placement.translation, np.array(shape.halfSide)
+        return Box(name=solid.name, bone=bone, center=center, half_sizes=half_sizes, rotation_wxyz=turn)
+    return None
+
+
+def _mesh(shape: Any) -> tuple[FloatArray, NDArray[np.uint32]]:
+    """Vertices [m] and triangles of one of coal's solids, in its own frame."""
+    import coal
+    import trimesh
+
+    if isinstance(shape, coal.BVHModelBase):
+        corners = (shape.tri_indices(i) for i in range(shape.num_tris))
+        mesh = trimesh.Trimesh(shape.vertices(), [(t[0], t[1], t[2]) for t in corners])
+    elif isinstance(shape, coal.Sphere):
+        mesh = trimesh.creation.icosphere(subdivisions=3, radius=shape.radius)
+    elif isinstance(shape, coal.Capsule):
+        mesh = trimesh.creation.capsule(height=2.0 * shape.halfLength, radius=shape.radius)
+    elif isinstance(shape, coal.Cylinder):
+        mesh = trimesh.creation.cylinder(height=2.0 * shape.halfLength, radius=shape.radius)
+    elif isinstance(shape, coal.Box):
+        mesh = trimesh.creation.box(extents=2.0 * np.array(shape.halfSide))
+    elif isinstance(shape, coal.Convex):
+        corners = (shape.polygons(i) for i in range(shape.num_polygons))
+        mesh = trimesh.Trimesh(shape.points(), [(t[0], t[1], t[2]) for t in corners])
+    else:
+        raise FileError(f"a link's geometry is a {type(shape).__name__}, of which no surface is known")
+    return np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.uint32)
