@@ -11,6 +11,7 @@ from cape.colliders import Collider
 from cape.contact_points import ContactPoints
 from cape.scene import Scene
 from cape.step_error import StepError
+from skeleton.geometry import LinkSurface
 from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack
 
@@ -83,13 +84,20 @@ class Take:
         """Those of the colliders that are capsules."""
         return tuple(c for c in self.colliders if isinstance(c, Capsule))
 
-    def save(self, path: str | PathLike[str], *, layers: Iterable[str] | None = None) -> None:
+    def save(
+        self,
+        path: str | PathLike[str],
+        *,
+        layers: Iterable[str] | None = None,
+        surfaces: Sequence[LinkSurface] = (),
+    ) -> None:
         """Write a recording for the Rerun viewer; `cape.record` documents what is in it.
 
         Args:
             path: the recording, by custom with the suffix .rrd; one that is there is replaced when the new one is
                 complete.
             layers: which of `cape.record.LAYERS` to write, such as "cape" or "hitboxes", None for all.
+            surfaces: meshes that the bones carry, such as a robot's `skeleton.link_surfaces(body, "visual")`.
 
         Raises:
             UnknownNameError: a layer doesn't exist.
@@ -98,4 +106,4 @@ class Take:
         """
         from cape import record
 
-        record.save(self, path, layers=layers)
+        record.save(self, path, layers=layers, surfaces=surfaces)

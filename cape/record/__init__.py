@@ -5,6 +5,8 @@ What is in a recording, by entity path (an interface: scripts may rely on it):
 | Layer | Entity | Archetype | Every frame | Once |
 |---|---|---|---|---|
 | cape | `/world/cape` | Mesh3D | vertex positions, normals | triangles, texture coordinates, textures |
+| robot | `/world/robot/<bone>` | Transform3D | where the bone is | |
+| robot | `/world/robot/<bone>/<name>` | Mesh3D | | everything: a mesh of the link that the bone carries |
 | skeleton | `/world/skeleton` | LineStrips3D | a strip from each bone's parent to the bone | radius, colour |
 | hitboxes | `/world/hitboxes` | Capsules3D | translations, quaternions | lengths, radii, colours, labels |
 | hitboxes | `/world/colliders/<name>` | Boxes3D, Ellipsoids3D | centre, quaternion, if a bone carries it | the rest |

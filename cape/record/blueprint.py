@@ -67,8 +67,9 @@ def _scene(layers: Collection[str], height: float, colliders: Sequence[Collider]
     if not debugging:
         return _view("cape", height, overrides=_two_sided())
     hidden = ["/world/shells", "/world/contacts", *plane_paths(colliders)]
+    body = _unseen("/world/hitboxes", "/world/colliders", "/world/skeleton") if "robot" in layers else _mannequin()
     return rrb.Tabs(
-        _view("cape", height, overrides=_two_sided() | _mannequin(), hidden=hidden),
+        _view("cape", height, overrides=_two_sided() | body, hidden=hidden),
         _view("hitboxes", height, overrides=labelled(colliders) | _two_sided(SEE_THROUGH)),
         active_tab=tab,
     )
@@ -92,6 +93,13 @@ def _mannequin() -> Overrides:
     body = rr.Capsules3D.from_fields(fill_mode=solid, colors=[BODY_COLOR], show_labels=False)
     rest = rr.LineStrips3D.from_fields(colors=[BODY_LINE_COLOR])
     return {"/world/hitboxes": [body.visualizer()], "/world/skeleton": [rest.visualizer()]}
+
+
+def _unseen(*paths: str) -> Overrides:
+    """Hide entities until their eye is clicked."""
+    import rerun.blueprint as rrb
+
+    return {path: [rrb.EntityBehavior(visible=False)] for path in paths}
 
 
 def _view(name: str, height: float, *, overrides: Overrides, hidden: Sequence[str] = ()) -> rrb.View:

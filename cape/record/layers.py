@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-LAYERS = ("cape", "skeleton", "hitboxes", "shells", "contacts", "floor", "plots")
+LAYERS = ("cape", "robot", "skeleton", "hitboxes", "shells", "contacts", "floor", "plots")
 CLOTH_COLOR = (190, 22, 48)
 BONE_COLOR = (225, 230, 238)
 BONE_RADIUS = 0.012  # [m], thin enough to be seen as a line inside a forearm's capsule

@@ -15,20 +15,29 @@ from cape.record.contacts import BYTES_PER_CONTACT, log_contacts
 from cape.record.file import recording_file
 from cape.record.frames import Frames
 from cape.record.layers import check_layers, log_cape, log_plots, log_skeleton
+from cape.record.robot import log_robot
 from cape.record.solids import log_hitboxes, log_shells
 from cape.record.stage import log_character, log_floor, skeleton_height
 from cape.scene import Scene
 from motions.errors import ValueRangeError
+from skeleton.geometry import LinkSurface
 from skeleton.track import BoneTrack
 
 if TYPE_CHECKING:
     from cape.take import Take
 
-BODY_LAYERS = ("skeleton", "hitboxes", "shells", "floor")
+BODY_LAYERS = ("robot", "skeleton", "hitboxes", "shells", "floor")
 OVERHEAD = 4_000_000  # [bytes], more than all but the cloth takes in some minutes of motion
 
 
-def save(take: Take, path: str | os.PathLike[str], *, layers: Iterable[str] | None = None, tab: str = "cape") -> None:
+def save(
+    take: Take,
+    path: str | os.PathLike[str],
+    *,
+    layers: Iterable[str] | None = None,
+    surfaces: Sequence[LinkSurface] = (),
+    tab: str = "cape",
+) -> None:
     """Write a take as a recording for the Rerun viewer.
 
     Frames with a position that isn't finite are left out, with a warning. The file takes its name when it is complete;
@@ -38,6 +47,7 @@ def save(take: Take, path: str | os.PathLike[str], *, layers: Iterable[str] | No
         take: what to write.
         path: the recording, by custom with the suffix .rrd.
         layers: which of `LAYERS` to write, None for all.
+        surfaces: meshes that the bones carry, such as a robot's `skeleton.link_surfaces(body, "visual")`.
         tab: "cape" or "hitboxes", which of the two the viewer shows first.
 
     Raises:
@@ -45,7 +55,7 @@ def save(take: Take, path: str | os.PathLike[str], *, layers: Iterable[str] | No
         ValueRangeError: no frame is finite.
         FileError: the file can't be written.
     """
-    asked = check_layers(layers)
+    asked = _with_surfaces(check_layers(layers), surfaces)
     frames = _finite_frames(take.name, take.bones, take.positions)
     size = OVERHEAD + (2 * take.positions.nbytes if "cape" in asked else 0)
     if take.contacts is not None and "contacts" in asked:
@@ -57,6 +67,8 @@ def save(take: Take, path: str | os.PathLike[str], *, layers: Iterable[str] | No
         log_character(stream, take.bones, frames)
         if "cape" in asked:
             log_cape(stream, take, frames)
+        if "robot" in asked:
+            log_robot(stream, take.bones, surfaces, frames)
         if "skeleton" in asked:
             log_skeleton(stream, take.bones, frames)
         if "hitboxes" in asked:
@@ -78,6 +90,7 @@ def save_hitboxes(
     *,
     name: str = "hitboxes",
     layers: Iterable[str] | None = None,
+    surfaces: Sequence[LinkSurface] = (),
     left_out: Collection[str] = (),
     thickness: float = Scene.thickness,
 ) -> None:
@@ -88,7 +101,8 @@ def save_hitboxes(
         colliders: what to draw around the bones.
         path: the recording, by custom with the suffix .rrd.
         name: what the viewer calls the recording.
-        layers: which of "skeleton", "hitboxes", "shells" and "floor" to write, None for all.
+        layers: which of "robot", "skeleton", "hitboxes", "shells" and "floor" to write, None for all.
+        surfaces: meshes that the bones carry, such as a robot's `skeleton.link_surfaces(body, "visual")`.
         left_out: names of the colliders to mark as left out.
         thickness: of the colliders that have none of their own [m].
 
@@ -97,11 +111,13 @@ def save_hitboxes(
         ValueRangeError: no frame is finite.
         FileError: the file can't be written.
     """
-    asked = check_layers(layers, BODY_LAYERS)
+    asked = _with_surfaces(check_layers(layers, BODY_LAYERS), surfaces)
     frames = _finite_frames(name, bones)
     blueprint = layout(asked, skeleton_height(bones, frames), colliders, tab="hitboxes")
     with recording_file(path, application="cape hitboxes", name=name, blueprint=blueprint, size=OVERHEAD) as stream:
         log_character(stream, bones, frames)
+        if "robot" in asked:
+            log_robot(stream, bones, surfaces, frames)
         if "skeleton" in asked:
             log_skeleton(stream, bones, frames)
         if "hitboxes" in asked:
@@ -111,6 +127,11 @@ def save_hitboxes(
             log_shells(stream, bones, colliders, thicknesses, frames)
         if "floor" in asked:
             log_floor(stream, bones, colliders, frames)
+
+
+def _with_surfaces(asked: Sequence[str], surfaces: Sequence[LinkSurface]) -> tuple[str, ...]:
+    """The asked layers, without the robot's where there is nothing to draw."""
+    return tuple(layer for layer in asked if layer != "robot" or surfaces)
 
 
 def _finite_frames(name: str, bones: BoneTrack, positions: np.ndarray | None = None) -> Frames:
