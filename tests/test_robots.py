@@ -277,15 +277,15 @@ def test_real_motions_of_the_g1_raise_no_doubt(mocap, g1):
 
 
 def test_a_motion_is_cut_and_checked():
-    motion = RobotMotion("walk", walker(), [1.0, 1.1, 1.2, 1.3])
+    motion = RobotMotion("walk", walker(), np.array([1.0, 1.1, 1.2, 1.3]))
     cut = motion.trim(0.1, 0.2)
     assert cut.times.tolist() == pytest.approx([0.0, 0.1])
     assert np.array_equal(cut.configurations, walker()[1:3])
     with pytest.raises(ValueRangeError, match=r"can't trim motion 'walk' to 0 s \.\. 2 s: it lasts from 0 to 0.3 s"):
         motion.trim(0.0, 2.0)
     with pytest.raises(ValueRangeError, match="times must increase, frame 2 isn't"):
-        RobotMotion("walk", walker(), [0.0, 0.1, 0.1, 0.2])
+        RobotMotion("walk", walker(), np.array([0.0, 0.1, 0.1, 0.2]))
     with pytest.raises(ValueRangeError, match="the configuration of frame 1 isn't finite"):
-        RobotMotion("walk", np.array([[0.0], [np.nan]]), [0.0, 1.0])
+        RobotMotion("walk", np.array([[0.0], [np.nan]]), np.array([0.0, 1.0]))
     with pytest.raises(ValueRangeError, match="has a single frame"):
-        _ = RobotMotion("walk", walker(1), [0.0]).fps
+        _ = RobotMotion("walk", walker(1), np.zeros(1)).fps
