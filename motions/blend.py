@@ -45,7 +45,7 @@ class Blends:
     def extra_frames(self) -> IntArray:
         """How many frames more each blend of N has to take so that no joint is too fast, shape (M,).
 
-        With t(s) as in `blend_windows` all speeds are divided by 1 + E / N step'(s / N), which must be the haste at least.
+        With t(s) as in `blend_windows` speeds are divided by 1 + E / N step'(s / N), which must be the haste at least.
         """
         frames = self.haste.shape[1]
         slopes = np.diff(step(np.arange(frames + 1), 0.0, frames)) * frames

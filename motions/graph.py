@@ -122,21 +122,21 @@ class MotionGraph:
             fps: frames per second, by default those of the clip that has most.
 
         Raises:
-            ValueRangeError: no clips, two of one name, different skeletons, a clip of less than three blends, or a time
-                that isn't above 0.
+            ValueRangeError: no clips, two of one name, different skeletons, a clip of less than three blends, or a
+                number that isn't above 0.
         """
         if not clips:
             raise ValueRangeError("a motion graph needs at least one clip")
         names = [clip.name for clip in clips]
         if repeated := sorted({name for name in names if names.count(name) > 1}):
             raise ValueRangeError(f"the clips of a motion graph need different names; given twice: {repeated[0]!r}")
-        for label, value in (("blend", blend), ("longest", longest), ("search", search)):
+        check_one_skeleton(clips)
+        self.fps = max(clip.fps for clip in clips) if fps is None else float(fps)
+        for label, value in (("blend", blend), ("longest", longest), ("search", search), ("fps", self.fps)):
             if not (np.isfinite(value) and value > 0):
-                raise ValueRangeError(f"{label} must be above 0 s, not {value:g} s")
+                raise ValueRangeError(f"{label} must be above 0, not {value:g}")
         if blend > longest:
             raise ValueRangeError(f"the longest blend, {longest:g} s, is shorter than the shortest, {blend:g} s")
-        check_one_skeleton(clips)
-        self.fps = max(clip.fps for clip in clips) if fps is None else fps
         self._shortest, self._longest, self._search = (max(round(t * self.fps), 1) for t in (blend, longest, search))
         self._sources = {c.name: Source(c if c.fps == self.fps else c.resample(self.fps)) for c in clips}
         for name, source in self._sources.items():
@@ -177,8 +177,9 @@ class MotionGraph:
         """One seamless clip of all parts of a script.
 
         A part with a time lasts that long, give or take `search`, from where its blend begins to where the next one's
-        does; it goes round in its clip where that is shorter. A part without plays its clip once, of which the first
-        and last blend may lie outside. The last part ends exactly on its time, or with its clip.
+        does, but no less than the blend that leads to it; it goes round in its clip where that is shorter. A part
+        without a time plays its clip once, from one of the first frames to one of the last, no farther from the ends
+        than a blend is long. The last part ends exactly on its time, or with its clip.
 
         Returns:
             A clip named after the parts; its decisions tell where each begins, and how well clips fit together.
@@ -191,7 +192,7 @@ class MotionGraph:
         if not steps:
             raise UserError("the script has no part")
         for number, step in enumerate(steps, 1):
-            self._source(step.clip, f"It stands in part {number} of the script, '{step}'")
+            self._source(step.clip, f"It stands in part {number} of the script, {str(step)!r}")
         splice, decisions = Splice(), [f"{steps[0].clip} begins at 0.00 s with its frame 0"]
         at, played = 0, 0  # the frame of the clip that comes next, and how many frames of the part lie behind
         for step, after in zip(steps, [*steps[1:], None], strict=True):
@@ -218,7 +219,7 @@ class MotionGraph:
         return self._sources[name]
 
     def _spans(self, at: int, step: Step, end: int, after: Step) -> _Spans:
-        """Where a step whose clip has been played up to the frame `at` may be left, best at `end`, and the next begin."""
+        """Where a clip that has been played up to the frame `at` may be left, best at `end`, and the next begin."""
         source, target = self._sources[step.clip], self._sources[after.clip]
         final = source.clip.frames - 1
 
@@ -300,8 +301,8 @@ class MotionGraph:
         splice.play(self._sources[transition.source], at, transition.leave)
         again = " again" if transition.source == transition.target else ""
         text = (
-            f"{transition.target} begins{again} at {(splice.frames - 1) / self.fps:.2f} s: from frame {transition.leave} "
-            f"of {transition.source} to its frame {transition.enter} within {passage.duration / self.fps:.2f} s, "
+            f"{transition.target} begins{again} at {(splice.frames - 1) / self.fps:.2f} s: from {transition.source}'s "
+            f"frame {transition.leave} to its frame {transition.enter} within {passage.duration / self.fps:.2f} s, "
             f"at a distance of {100 * transition.distance:.1f} cm; feet slide by {100 * passage.slide:.1f} cm"
         )
         if passage.haste > 1.0:

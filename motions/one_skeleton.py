@@ -9,7 +9,7 @@ from motions.clip import Clip
 from motions.errors import ValueRangeError
 
 TOLERANCE = 1e-3
-"""By how much a bone may differ between two clips [m]: files round to a tenth of it, other bodies are centimetres off."""
+"""By how much an offset may differ between two clips [m]: files round to a tenth of it, other bodies differ by more."""
 
 
 def check_one_skeleton(clips: Sequence[Clip]) -> None:
