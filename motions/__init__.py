@@ -3,22 +3,29 @@
 from motions.bvh.writer import save
 from motions.clip import Clip, Poses
 from motions.errors import FileError, UnknownNameError, UserError, ValueRangeError
+from motions.graph import MotionGraph, Transition
 from motions.loading import load
 from motions.roles import ROLES, find_roles, require_role
+from motions.script import Step, format_script, parse_script
 from motions.shipped import clip_names, clip_path
 
 __all__ = [
     "ROLES",
     "Clip",
     "FileError",
+    "MotionGraph",
     "Poses",
+    "Step",
+    "Transition",
     "UnknownNameError",
     "UserError",
     "ValueRangeError",
     "clip_names",
     "clip_path",
     "find_roles",
+    "format_script",
     "load",
+    "parse_script",
     "require_role",
     "save",
 ]

@@ -12,7 +12,15 @@ app = typer.Typer(
     help="Hang a simulated cape on a moving character and record it for the Rerun viewer.",
 )
 
-Clip = Annotated[str, typer.Argument(help="A BVH file, or the name of a shipped clip (cape clips lists them).")]
+CLIP_HELP = "A BVH file, or the name of a shipped clip (cape clips lists them)."
+Clip = Annotated[str, typer.Argument(help=CLIP_HELP)]
+Script = Annotated[
+    str | None,
+    typer.Option(
+        metavar="STEPS",
+        help='Clips to join, in place of CLIP; without a time one plays once: "idle 2s, walk 3s, kick".',
+    ),
+]
 Output = Annotated[Path | None, typer.Option("-o", "--output", help="The recording; by default CLIP.rrd, here.")]
 Unit = Annotated[str | None, typer.Option(help="Unit of the file: m, cm, mm, inch, cmu, or metres per unit.")]
 Up = Annotated[str | None, typer.Option(help="Axis of the file that points up: x, y, z, -x, -y or -z.")]
@@ -31,7 +39,8 @@ Fps = Annotated[float | None, typer.Option(help="Frames per second; by default t
 
 @app.command()
 def replay(
-    clip: Clip = "walk",
+    clip: Annotated[str | None, typer.Argument(help=CLIP_HELP, show_default="walk")] = None,
+    script: Script = None,
     output: Output = None,
     fabric: Annotated[str, typer.Option(help="Name of a fabric.")] = "cape",
     spacing: Annotated[
@@ -80,8 +89,10 @@ def replay(
     from cape.cli.character import Reading
     from cape.cli.replay import Cut, run
 
+    if clip is None and script is None:
+        clip = "walk"
     return run(
-        Reading(clip, unit=unit, up=up, height=height, start=start, end=end, fps=fps, attach=tuple(attach or ())),
+        Reading(clip, unit, up, height, start=start, end=end, fps=fps, attach=tuple(attach or ()), script=script),
         Cut(
             fabric=fabric,
             spacing=spacing,
@@ -104,7 +115,8 @@ def replay(
 
 @app.command()
 def hitboxes(
-    clip: Clip,
+    clip: Annotated[str | None, typer.Argument(help=CLIP_HELP, show_default=False)] = None,
+    script: Script = None,
     output: Output = None,
     fps: Fps = None,
     unit: Unit = None,
@@ -122,7 +134,7 @@ def hitboxes(
     from cape.cli.character import Reading
     from cape.cli.hitboxes import run
 
-    reading = Reading(clip, unit=unit, up=up, height=height, start=start, end=end, fps=fps, attach=tuple(attach or ()))
+    reading = Reading(clip, unit, up, height, start=start, end=end, fps=fps, attach=tuple(attach or ()), script=script)
     return run(reading, output=output, bare=bare, spawn=spawn)
 
 

@@ -15,9 +15,9 @@ MOST_FPS = 60.0  # where none is asked for
 
 @dataclass(frozen=True)
 class Reading:
-    """A clip and how to read it, as asked on the command line."""
+    """A clip, or a script to join several, and how to read them, as asked on the command line."""
 
-    clip: str
+    clip: str | None
     unit: str | None = None
     up: str | None = None
     height: float | None = None
@@ -25,10 +25,31 @@ class Reading:
     end: float | None = None
     fps: float | None = None
     attach: tuple[str, ...] = ()
+    script: str | None = None
 
     def load_as_is(self) -> motions.Clip:
-        """Read the clip, all of it at its own frame rate."""
-        return motions.load(self.clip, unit=_unit(self.unit), up=self.up, height=self.height)
+        """Read the clip, or play the script, all of it at its own frame rate.
+
+        Raises:
+            UserError: there are both a clip and a script, or neither.
+        """
+        if self.script is None:
+            if self.clip is None:
+                raise UserError("give a CLIP or a --script")
+            return self._read(self.clip)
+        if self.clip is not None:
+            raise UserError(f"give either CLIP ({self.clip}) or --script, not both")
+        steps = motions.parse_script(self.script)
+        clips: dict[str, motions.Clip] = {}
+        for number, step in enumerate(steps, 1):
+            try:
+                clips[step.clip] = clips.get(step.clip) or self._read(step.clip, name=step.clip)
+            except UserError as error:
+                raise UserError(f"part {number} of the script, {str(step)!r}: {error}") from None
+        return motions.MotionGraph(list(clips.values())).play(steps)
+
+    def _read(self, clip: str, name: str | None = None) -> motions.Clip:
+        return motions.load(clip, unit=_unit(self.unit), up=self.up, height=self.height, name=name)
 
     def load(self) -> motions.Clip:
         """Read, trim and resample the clip."""
@@ -52,7 +73,7 @@ class Reading:
         """
         clip = self.load()
         if clip.frames < 2:
-            raise ValueRangeError(f"{self.clip} has a single frame: a motion needs at least two")
+            raise ValueRangeError(f"{clip.name} has a single frame: a motion needs at least two")
         body = self.body(clip)
         return clip, body, body.track(clip)
 

@@ -1,0 +1,120 @@
+"""What a blend needs to know of a clip: where its joints are, how fast they get, and when its feet stand."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motions import quaternions
+from motions.clip import Clip
+from motions.roles import find_roles
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+LIFT = 0.01
+"""Height over its lowest from which on a joint of a foot no longer touches the ground [m]; in a walk the toes that
+swing forward pass at 1.5 cm."""
+
+STILL = 0.2
+"""Speed from which on a joint of a foot doesn't stand [m/s]; in a walk the foot that swings reaches 4 m/s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A clip, of F frames, J joints and E end sites, with what follows from it.
+
+    Attributes:
+        clip: the clip.
+    """
+
+    clip: Clip
+
+    @property
+    def third(self) -> int:
+        """A third of the clip, in whole frames: what may be blended at either end and leave something between."""
+        return (self.clip.frames - 1) // 3
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """Joints and end sites in the world [m], shape (F, J + E, 3)."""
+        return np.concatenate([self.clip.world_positions(), self.clip.end_positions()], axis=1)
+
+    @cached_property
+    def speed_limits(self) -> FloatArray:
+        """Largest speed of each joint and end site [m/s], shape (J + E,)."""
+        return speeds(self.points, self.clip.fps).max(axis=0)
+
+    @cached_property
+    def spin_limits(self) -> FloatArray:
+        """Largest angular speed of each joint against its parent [rad/s], shape (J,)."""
+        return spins(self.clip.rotations_wxyz, self.clip.fps).max(axis=0)
+
+    @cached_property
+    def feet(self) -> IntArray:
+        """Joints from the ankles down, as far as names tell them, T of them, shape (T,)."""
+        roles = find_roles(self.clip.joints, self.clip.parents.tolist())
+        found = {self.clip.index(roles[role]) for role in ("left_foot", "right_foot") if role in roles}
+        for joint, parent in enumerate(self.clip.parents.tolist()):
+            if parent in found:
+                found.add(joint)
+        return np.array(sorted(found), dtype=np.int64)
+
+    @cached_property
+    def ground(self) -> FloatArray:
+        """Lowest height of each joint of the feet [m], shape (T,)."""
+        return self.points[:, self.feet, 2].min(axis=0)
+
+    @cached_property
+    def standing(self) -> FloatArray:
+        """How well each joint of the feet stands, from 0 to 1, shape (F, T)."""
+        at = self.points[:, self.feet]
+        moved = speeds(at, self.clip.fps)
+        fastest = np.maximum(np.concatenate([moved[:1], moved]), np.concatenate([moved, moved[-1:]]))
+        return touch(at[..., 2] - self.ground) * _fading(fastest / STILL)
+
+    def at(self, frames: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Poses at frames and between them.
+
+        Args:
+            frames: counted from 0, shape (M, N).
+
+        Returns:
+            Unit quaternions joint_to_parent (w, x, y, z), shape (M, N, J, 4), positions in the parent's frame [m], the
+            root's in the world, shape (M, N, J, 3), and points as `points` [m], shape (M, N, J + E, 3).
+        """
+        poses = self.clip.sample(frames.ravel() / self.clip.fps)
+        local = poses.local_positions
+        if local is None:
+            local = np.repeat(self.clip.offsets[None], frames.size, axis=0)
+            local[:, 0] = poses.root_positions
+        before = np.minimum(frames.astype(np.int64), self.clip.frames - 2)
+        share = (frames - before)[..., None, None]
+        points = (1 - share) * self.points[before] + share * self.points[before + 1]
+        return poses.rotations_wxyz.reshape(*frames.shape, -1, 4), local.reshape(*frames.shape, -1, 3), points
+
+
+def touch(heights: FloatArray) -> FloatArray:
+    """How much joints of feet at these heights over their lowest [m] touch the ground, from 0 to 1."""
+    return _fading(heights / LIFT)
+
+
+def speeds(points: FloatArray, fps: float) -> FloatArray:
+    """Speeds between the frames [m/s], shape (..., F, P, 3) to (..., F - 1, P)."""
+    return np.linalg.norm(np.diff(points, axis=-3), axis=-1) * fps
+
+
+def spins(rotations: FloatArray, fps: float) -> FloatArray:
+    """Angular speeds between the frames [rad/s], unit quaternions (..., F, J, 4) to (..., F - 1, J)."""
+    turns = quaternions.multiply(quaternions.conjugate(rotations[..., :-1, :, :]), rotations[..., 1:, :, :])
+    return np.linalg.norm(quaternions.to_rotation_vector(turns), axis=-1) * fps
+
+
+def _fading(x: FloatArray) -> FloatArray:
+    """1 at 0 and below, 0 from 1 on, between them 2 - 2^x.
+
+    The weight of a sliding foot in H. Zhang, S. Starke, T. Komura and J. Saito, "Mode-adaptive neural networks for
+    quadruped motion control", ACM Trans. Graph. 37 (2018).
+    """
+    return 2.0 - 2.0 ** np.clip(x, 0.0, 1.0)
