@@ -18,7 +18,7 @@ from cape.report.files import write_text
 from cape.report.plan import Plan
 from cape.report.space import Row as SpaceRow
 from cape.report.stability import Outcome, stress
-from cape.report.sweep import Row, Sweep, sweep
+from cape.report.sweep import REFERENCE_SHARE, Row, Sweep, sweep
 from cape.report.trajectory import Stage
 from cape.scenes import standard_scene
 from motions.errors import FileError
@@ -138,7 +138,7 @@ def run(
     for name in plan.scenes:
         known = parts.read(name)
         if known is None:
-            stage = Stage(standard_scene(name), seconds=plan.seconds)
+            stage = Stage(standard_scene(name), seconds=plan.seconds, reference_s=REFERENCE_SHARE * plan.scene_s)
             done = sweep(stage, plan, partial(told, name))
             for each in keep:
                 each(done)

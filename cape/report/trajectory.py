@@ -21,6 +21,7 @@ Stopped = Callable[[float], bool]
 
 WINDOW = 0.1  # s, length of the parts of a motion that are taken from the reference's own states,
 WINDOWS = 10  # and how many there are
+SHORTEST = 1.0  # s of motion, which the windows fill
 
 
 @dataclass(frozen=True)
@@ -101,12 +102,21 @@ class Stage:
         window_starts: the frames at which windows begin.
     """
 
-    def __init__(self, standard: StandardScene, *, seconds: float | None = None, threads: int = 1) -> None:
+    def __init__(
+        self,
+        standard: StandardScene,
+        *,
+        seconds: float | None = None,
+        reference_s: float | None = None,
+        threads: int = 1,
+    ) -> None:
         """Settle the cloth with a solver of high accuracy.
 
         Args:
             standard: the scene.
             seconds: of its motion at most [s].
+            reference_s: wall time that a reference may take [s], by a run with twice the steps that are needed and one
+                with four times as many; a motion that takes longer is cut, but not below `SHORTEST`.
             threads: that share the cloth in all runs.
 
         Raises:
@@ -120,6 +130,11 @@ class Stage:
         self.times, self._poses = track.times, poses_of(track, first.bones)
         first.start(self._poses[0])
         self._start = first.snapshot()
+        if reference_s is not None:
+            frame_s = (2 + 4) * first.forecast(self._step(1)).seconds
+            span = max(SHORTEST, reference_s / frame_s * self._step(1))
+            kept = int(np.sum(self.times <= self.times[0] + span + 1e-9))
+            self.times, self._poses = self.times[:kept], self._poses[:kept]
         self.window = max(1, round(WINDOW / self._step(1)))
         starts = np.linspace(0, self.frames - 1 - self.window, WINDOWS + 1)[1:] if self.frames > self.window else []
         self.window_starts = tuple(dict.fromkeys(int(frame) for frame in starts))
