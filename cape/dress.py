@@ -1,11 +1,13 @@
 """A character's own cape: cut to its measures, held by its shoulders, kept out by its limbs and its floor."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cape.attach import attach
 from cape.cloth import Cloth
+from cape.colliders import Collider
 from cape.fabric import Fabric
 from cape.ground import floor_under
 from cape.scene import WEARER_ROLES, Scene
@@ -29,6 +31,7 @@ def dress(
     flare: float = 2.0,
     spacing: float | None = None,
     fabric: Fabric | None = None,
+    colliders: Sequence[Collider] | None = None,
     wind: Wind | None = None,
 ) -> Scene:
     """Cut a cape for a body and build the scene in which it wears it.
@@ -40,6 +43,7 @@ def dress(
         flare: length of the hem divided by that of the neckline.
         spacing: mean distance of neighbouring vertices [m]; None for 0.0137 of the body's height, about 1,500 vertices.
         fabric: None for that of `Fabric()`.
+        colliders: what surrounds its limbs; None for capsules by the proportions of the human body.
         wind: the air; None for still air.
 
     Raises:
@@ -57,7 +61,7 @@ def dress(
     shoulders = [attach(cloth, f"{side}_shoulder", f"top_{side}") for side in ("left", "right")]
     for role in (*(a.bone for a in shoulders), *WEARER_ROLES):
         body.role(role)  # says how to name a bone by hand where none is found
-    colliders = body.capsules()
+    colliders = body.capsules() if colliders is None else tuple(colliders)
     scene = Scene(cloth, shoulders, (*colliders, floor_under(colliders, track)), wind=wind or Wind())
     for bone in scene.bones:
         track.index(bone)

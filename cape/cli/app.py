@@ -12,7 +12,7 @@ app = typer.Typer(
     help="Hang a simulated cape on a moving character and record it for the Rerun viewer.",
 )
 
-CLIP_HELP = "A BVH file, or the name of a shipped clip (cape clips lists them)."
+CLIP_HELP = "A BVH file, the name of a shipped clip (cape clips lists them), or a robot's motion (CSV, NPZ)."
 Clip = Annotated[str, typer.Argument(help=CLIP_HELP)]
 Script = Annotated[
     str | None,
@@ -29,6 +29,23 @@ Attach = Annotated[
     list[str] | None,
     typer.Option("--attach", metavar="ROLE=BONE", help="Name the bone that plays a role by hand; may be repeated."),
 ]
+Robot = Annotated[
+    str | None,
+    typer.Option("--skeleton", metavar="ROBOT", help="A robot that makes the motion: a URDF file, or a name like g1."),
+]
+Rate = Annotated[float | None, typer.Option(help="Frames per second of a robot's motion that tells none; 60 if unset.")]
+Packages = Annotated[
+    list[Path] | None, typer.Option(help="A folder with packages that a URDF file names; may be repeated.")
+]
+Hitboxes = Annotated[
+    str | None,
+    typer.Option(
+        "--hitboxes",
+        metavar="WHICH",
+        help="Of a robot: limbs (the default) or all, fitted to its meshes. Of anyone: body, by human proportions, "
+        "or a TOML file.",
+    ),
+]
 Layers = Annotated[str | None, typer.Option(help="Layers to record, separated by commas; by default all.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Spawn = Annotated[bool, typer.Option("--spawn", help="Open the recording in the Rerun viewer.")]
@@ -42,6 +59,7 @@ def replay(
     clip: Annotated[str | None, typer.Argument(help=CLIP_HELP, show_default="walk")] = None,
     script: Script = None,
     output: Output = None,
+    robot: Robot = None,
     fabric: Annotated[str, typer.Option(help="Name of a fabric.")] = "cape",
     spacing: Annotated[
         float | None, typer.Option(help="Mean distance of the cloth's vertices [m]; by default for 1,500 of them.")
@@ -74,6 +92,9 @@ def replay(
     start: Start = None,
     end: End = None,
     attach: Attach = None,
+    rate: Rate = None,
+    packages: Packages = None,
+    hitboxes: Hitboxes = None,
     layers: Layers = None,
     check: Annotated[
         bool,
@@ -86,13 +107,26 @@ def replay(
     json: Json = False,
 ) -> int:
     """Simulate a cape on a character that moves as the clip tells, and record it."""
-    from cape.cli.character import Reading
+    from cape.cli.reading import Reading
     from cape.cli.replay import Cut, run
 
     if clip is None and script is None:
         clip = "walk"
     return run(
-        Reading(clip, unit, up, height, start=start, end=end, fps=fps, attach=tuple(attach or ()), script=script),
+        Reading(
+            clip,
+            unit=unit,
+            up=up,
+            height=height,
+            start=start,
+            end=end,
+            fps=fps,
+            attach=tuple(attach or ()),
+            script=script,
+            skeleton=robot,
+            rate=rate,
+            packages=tuple(packages or ()),
+        ),
         Cut(
             fabric=fabric,
             spacing=spacing,
@@ -106,6 +140,7 @@ def replay(
             self_contact=self_contact,
         ),
         output=output,
+        hitboxes=hitboxes,
         layers=_split(layers),
         check=check,
         spawn=spawn,
@@ -125,17 +160,37 @@ def hitboxes(
     start: Start = None,
     end: End = None,
     attach: Attach = None,
+    robot: Robot = None,
+    rate: Rate = None,
+    packages: Packages = None,
+    which: Hitboxes = None,
+    write: Annotated[
+        Path | None, typer.Option(help="Write the hitboxes to this TOML file, to be edited and used by --hitboxes.")
+    ] = None,
     bare: Annotated[
         bool, typer.Option("--bare", help="Skeleton and capsules alone, at once: nothing is simulated.")
     ] = False,
     spawn: Spawn = False,
 ) -> int:
     """Record what the cape meets: named colliders, the shells of their thickness, and the contacts of each frame."""
-    from cape.cli.character import Reading
     from cape.cli.hitboxes import run
+    from cape.cli.reading import Reading
 
-    reading = Reading(clip, unit, up, height, start=start, end=end, fps=fps, attach=tuple(attach or ()), script=script)
-    return run(reading, output=output, bare=bare, spawn=spawn)
+    reading = Reading(
+        clip,
+        unit=unit,
+        up=up,
+        height=height,
+        start=start,
+        end=end,
+        fps=fps,
+        attach=tuple(attach or ()),
+        script=script,
+        skeleton=robot,
+        rate=rate,
+        packages=tuple(packages or ()),
+    )
+    return run(reading, output=output, hitboxes=which, write=write, bare=bare, spawn=spawn)
 
 
 @app.command()

@@ -1,125 +1,109 @@
-"""From what the command line names to a body and its motion."""
+"""From what the command line names to a character that moves: its bones, its hitboxes, its looks."""
 
-import os
-import subprocess
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 
-import motions
-from motions.errors import FileError, UserError, ValueRangeError
-from skeleton import BoneTrack, Skeleton
+from cape.cli.reading import MOST_FPS, Reading
+from motions.errors import FileError, UserError
+from skeleton import (
+    BoneTrack,
+    Hitboxes,
+    LinkSurface,
+    Retargeted,
+    Skeleton,
+    hitboxes_of,
+    link_surfaces,
+    load_hitboxes,
+    retarget,
+)
 
-MOST_FPS = 60.0  # where none is asked for
-
-
-@dataclass(frozen=True)
-class Reading:
-    """A clip, or a script to join several, and how to read them, as asked on the command line."""
-
-    clip: str | None
-    unit: str | None = None
-    up: str | None = None
-    height: float | None = None
-    start: float | None = None
-    end: float | None = None
-    fps: float | None = None
-    attach: tuple[str, ...] = ()
-    script: str | None = None
-
-    def load_as_is(self) -> motions.Clip:
-        """Read the clip, or play the script, all of it at its own frame rate.
-
-        Raises:
-            UserError: there are both a clip and a script, or neither.
-        """
-        if self.script is None:
-            if self.clip is None:
-                raise UserError("give a CLIP or a --script")
-            return self._read(self.clip)
-        if self.clip is not None:
-            raise UserError(f"give either CLIP ({self.clip}) or --script, not both")
-        steps = motions.parse_script(self.script)
-        clips: dict[str, motions.Clip] = {}
-        for number, step in enumerate(steps, 1):
-            try:
-                clips[step.clip] = clips.get(step.clip) or self._read(step.clip, name=step.clip)
-            except UserError as error:
-                raise UserError(f"part {number} of the script, {str(step)!r}: {error}") from None
-        return motions.MotionGraph(list(clips.values())).play(steps)
-
-    def _read(self, clip: str, name: str | None = None) -> motions.Clip:
-        return motions.load(clip, unit=_unit(self.unit), up=self.up, height=self.height, name=name)
-
-    def load(self) -> motions.Clip:
-        """Read, trim and resample the clip."""
-        clip = self.load_as_is()
-        if self.start is not None or self.end is not None:
-            clip = clip.trim(0.0 if self.start is None else self.start, clip.duration if self.end is None else self.end)
-        fps = self.fps or min(clip.fps, MOST_FPS)
-        if self.fps is not None and not 0.0 < self.fps <= 1000.0:
-            raise ValueRangeError(f"fps must be above 0 and at most 1000, not {self.fps}")
-        return clip if fps == clip.fps else clip.resample(fps)
-
-    def body(self, clip: motions.Clip) -> Skeleton:
-        """Build the skeleton, with roles named by hand where asked."""
-        return Skeleton.from_clip(clip, roles=_roles(self.attach))
-
-    def character(self) -> tuple[motions.Clip, Skeleton, BoneTrack]:
-        """Clip, skeleton, and the motion of all of its bones.
-
-        Raises:
-            ValueRangeError: the clip has a single frame.
-        """
-        clip = self.load()
-        if clip.frames < 2:
-            raise ValueRangeError(f"{clip.name} has a single frame: a motion needs at least two")
-        body = self.body(clip)
-        return clip, body, body.track(clip)
+FITTED = ("limbs", "all")
+BY_PROPORTIONS = "body"
 
 
-def output_path(asked: Path | None, clip: motions.Clip, suffix: str = "") -> Path:
-    """Where to write, checked before anything is computed.
+@dataclass(frozen=True, eq=False)
+class Character:
+    """Who moves, and how.
+
+    Attributes:
+        name: of the motion.
+        body: the skeleton.
+        track: the motion of all of its bones.
+        hitboxes: solids around its limbs, and why there are no others.
+        surfaces: what a robot looks like; none for the body of a clip.
+        retargeted: how well a robot follows a clip.
+        decisions: what had to be decided, a sentence each.
+    """
+
+    name: str
+    body: Skeleton
+    track: BoneTrack
+    hitboxes: Hitboxes
+    surfaces: tuple[LinkSurface, ...] = ()
+    retargeted: Retargeted | None = None
+    decisions: tuple[str, ...] = ()
+
+
+def read_character(reading: Reading, *, hitboxes: str | None = None) -> Character:
+    """Read a motion, build who makes it, and put hitboxes around its limbs.
+
+    Args:
+        reading: what to read.
+        hitboxes: "limbs" or "all" of a robot, "body" for human proportions, or a TOML file; None for "limbs" where
+            there is a robot, "body" where there is none.
 
     Raises:
-        FileError: the folder does not exist or can't be written, or the path is a folder.
+        UserError: a file can't be read, or things don't fit each other.
     """
-    path = Path(f"{clip.name}{suffix}.rrd") if asked is None else asked
-    folder = path.resolve().parent
-    if path.is_dir():
-        raise FileError(f"can't write {path}: it is a directory")
-    if not folder.is_dir():
-        raise FileError(f"can't write {path}: there is no folder {folder}")
-    if not os.access(folder, os.W_OK):
-        raise FileError(f"can't write {path}: the folder {folder} is not writable")
-    return path
+    if reading.skeleton is None:
+        clip = reading.load()
+        body = reading.body(clip)
+        return _character(clip.name, body, body.track(clip), hitboxes or BY_PROPORTIONS, clip.decisions)
+    robot = reading.robot(reading.skeleton)
+    if (path := reading.configuration_file) is not None:
+        motion, retargeted, before = reading.configurations(path, robot), None, ()
+    else:
+        clip = reading.load()
+        retargeted = retarget(clip, robot)
+        motion, before = retargeted.motion, clip.decisions
+    track = robot.track(motion)
+    fps = reading.frame_rate or min(track.fps, MOST_FPS)
+    # A frame rate is a quotient of times, so that 60 may come out a hair above it.
+    track = track if abs(fps - track.fps) < 1e-6 * fps else track.resample(fps)
+    decisions = (*robot.decisions, *before, *motion.decisions)
+    return _character(motion.name, robot, track, hitboxes or "limbs", decisions, retargeted)
 
 
-def open_viewer(path: Path) -> None:
-    """Open a recording in the Rerun viewer, which goes on after this command ends and listens on loopback alone."""
-    subprocess.Popen(
-        [sys.executable, "-m", "rerun", str(path), "--bind", "127.0.0.1"],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+def _character(
+    name: str,
+    body: Skeleton,
+    track: BoneTrack,
+    hitboxes: str,
+    decisions: tuple[str, ...],
+    retargeted: Retargeted | None = None,
+) -> Character:
+    surfaces: tuple[LinkSurface, ...] = ()
+    if body.is_robot:
+        try:
+            surfaces = link_surfaces(body, "visual")
+        except FileError as error:
+            decisions = (*decisions, f"not drawn: {error}")
+    solids = find_hitboxes(body, hitboxes)
+    return Character(name, body, track, solids, surfaces, retargeted, (*decisions, *solids.decisions))
 
 
-def _unit(text: str | None) -> str | float | None:
-    if text is None:
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        return text
+def find_hitboxes(body: Skeleton, asked: str) -> Hitboxes:
+    """Solids around a body's limbs, as asked on the command line.
 
-
-def _roles(pairs: tuple[str, ...]) -> dict[str, str] | None:
-    roles = {}
-    for pair in pairs:
-        role, equals, bone = pair.partition("=")
-        if not equals or not role or not bone:
-            raise UserError(f"--attach takes ROLE=BONE, not {pair!r}")
-        roles[role] = bone
-    return roles or None
+    Raises:
+        UserError: there is no such way to make them, or it doesn't suit the body.
+    """
+    if asked == BY_PROPORTIONS:
+        return Hitboxes(body.model.name, body.capsules(), body.capsules_left_out())
+    if asked in FITTED:
+        if not body.is_robot:
+            raise UserError(f"--hitboxes {asked} needs a robot, whose links have surfaces: name it by --skeleton")
+        return hitboxes_of(body, which="all" if asked == "all" else "limbs")
+    if asked.lower().endswith(".toml"):
+        return load_hitboxes(asked, body)
+    ways = ", ".join((*FITTED, BY_PROPORTIONS))
+    raise UserError(f"no way to make hitboxes named {asked!r}; available: {ways}, or a TOML file of them")

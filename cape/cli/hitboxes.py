@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from cape import record
-from cape.cli.character import Reading, open_viewer, output_path
+from cape.cli.character import Character, read_character
+from cape.cli.output import open_viewer, output_path
+from cape.cli.reading import Reading
 from cape.cli.rows import print_rows
 from cape.cli.running import simulated
 from cape.colliders import Box, Collider, Sphere, TaperedCapsule
@@ -15,25 +17,31 @@ from cape.reach import Reach, reach_of
 from cape.scene import Scene
 from cape.take import Take
 from motions.errors import UserError
-from skeleton import BoneTrack, Capsule, Skeleton
+from skeleton import Capsule
 
 
-def run(reading: Reading, *, output: Path | None, bare: bool, spawn: bool) -> int:
+def run(
+    reading: Reading, *, output: Path | None, hitboxes: str | None, write: Path | None, bare: bool, spawn: bool
+) -> int:
     """Record the colliders, and how a cape meets them unless `bare`; gives the exit status."""
-    clip, body, track = reading.character()
-    path = output_path(output, clip, "_hitboxes")
-    missing = [(name, f"left out: {reason}") for name, reason in body.capsules_left_out().items()]
+    who = read_character(reading, hitboxes=hitboxes)
+    path = output_path(output, who.name, "_hitboxes")
+    if write is not None:
+        who.hitboxes.save(write)
+    missing = [(name, f"left out: {reason}") for name, reason in who.hitboxes.left_out.items()]
     status = 0
     if bare:
-        colliders, reach, notes = _bare(body, track)
+        colliders, reach, notes = _bare(who)
         left_out = {} if reach is None else reach.left_out
-        record.save_hitboxes(track, colliders, path, name=f"{clip.name} hitboxes", left_out=left_out)
+        record.save_hitboxes(
+            who.track, colliders, path, name=f"{who.name} hitboxes", surfaces=who.surfaces, left_out=left_out
+        )
         rows = [(c.name, _text(c, reach)) for c in colliders]
     else:
-        scene = dress(body, track)
-        reach = reach_of(scene, track)
-        take = simulated(scene, track, clip)
-        record.save(take, path, tab="hitboxes")
+        scene = dress(who.body, who.track, colliders=who.hitboxes.solids)
+        reach = reach_of(scene, who.track)
+        take = simulated(scene, who)
+        record.save(take, path, surfaces=who.surfaces, tab="hitboxes")
         touched = _touched(take)
         rows = [(c.name, f"{_text(c, reach)}; {touched[c.name]}") for c in take.colliders]
         notes = [("result", take.result), *(("", warning) for warning in take.warnings)]
@@ -44,13 +52,13 @@ def run(reading: Reading, *, output: Path | None, bare: bool, spawn: bool) -> in
     return status
 
 
-def _bare(body: Skeleton, track: BoneTrack) -> tuple[Sequence[Collider], Reach | None, list[tuple[str, str]]]:
+def _bare(who: Character) -> tuple[Sequence[Collider], Reach | None, list[tuple[str, str]]]:
     """Colliders and what of them a cape could reach, None and a note for a body that none can be cut for."""
     try:
-        scene = dress(body, track)
-        return scene.colliders, reach_of(scene, track), []
+        scene = dress(who.body, who.track, colliders=who.hitboxes.solids)
+        return scene.colliders, reach_of(scene, who.track), []
     except UserError as error:
-        return body.capsules(), None, [("reach", f"unknown: {error}")]
+        return who.hitboxes.solids, None, [("reach", f"unknown: {error}")]
 
 
 def _text(collider: Collider, reach: Reach | None) -> str:

@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from cape.auto import Auto
-from cape.cli.character import Reading, open_viewer, output_path
+from cape.cli.character import read_character
 from cape.cli.checking import check_rows, checked, step_error_facts, step_error_rows
+from cape.cli.output import open_viewer, output_path
+from cape.cli.reading import Reading
+from cape.cli.retargeting import retarget_facts, retarget_rows
 from cape.cli.rows import print_rows
 from cape.cli.running import simulated
 from cape.cuts import Cuts
@@ -64,6 +67,7 @@ def run(
     cut: Cut,
     *,
     output: Path | None,
+    hitboxes: str | None,
     layers: list[str] | None,
     check: bool,
     spawn: bool,
@@ -72,17 +76,28 @@ def run(
     """Simulate, record, report; gives the exit status."""
     material, method, cuts = fabric(cut.fabric), cut.method(), _cuts(cut.cuts)
     check_layers(layers, LAYERS)
-    clip, body, track = reading.character()
-    path = output_path(output, clip)
-    scene = dress(body, track, length=cut.length, spacing=cut.spacing, fabric=material, wind=Wind(velocity=cut.wind))
+    who = read_character(reading, hitboxes=hitboxes)
+    path = output_path(output, who.name)
+    track = who.track
+    scene = dress(
+        who.body,
+        track,
+        length=cut.length,
+        spacing=cut.spacing,
+        fabric=material,
+        colliders=who.hitboxes.solids,
+        wind=Wind(velocity=cut.wind),
+    )
     if cut.self_contact:
         scene = replace(scene, self_contact=SelfContact())
-    take = simulated(scene, track, clip, solver=method, cuts=cuts, check_steps=check)
+    take = simulated(scene, who, solver=method, cuts=cuts, check_steps=check)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        take.save(path, layers=layers)
+        take.save(path, layers=layers, surfaces=who.surfaces)
     notes = [*take.warnings, *(str(w.message) for w in caught if w.category is UserWarning)]
     facts = _facts(take, scene, len({track.index(bone) for bone in scene.bones}), notes, path)
+    if who.retargeted is not None:
+        facts["retarget"] = retarget_facts(who.retargeted)
     if check:
         facts["check"] = checked(take)
     if json:
@@ -139,6 +154,7 @@ def _print_table(take: Take, facts: dict[str, Any]) -> None:
     rows = [
         ("motion", f"{facts['frames']} frames at {facts['fps']:g} fps"),
         ("bones, capsules", f"{facts['bones']}, {facts['capsules']}"),
+        *retarget_rows(facts.get("retarget", {})),
         *(("left out", f"{name}: {reason}") for name, reason in take.left_out.items()),
         ("cape", f"{facts['vertices']} vertices"),
         ("solver", f"{facts['solver']}, {facts['substeps']} substeps a frame"),

@@ -8,38 +8,36 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cape.auto import Auto
+from cape.cli.character import Character
 from cape.cuts import Cuts
 from cape.scene import Scene
 from cape.simulate import SlowWarning, simulate
 from cape.simulation import DEFAULT_CUTS, Diverged
 from cape.solvers import Solver
 from cape.take import Take
-from motions import Clip
 from motions.errors import ValueRangeError
-from skeleton import BoneTrack
 
 
 def simulated(
     scene: Scene,
-    track: BoneTrack,
-    clip: Clip,
+    who: Character,
     *,
     solver: Solver | Auto | None = None,
     cuts: Cuts | None = DEFAULT_CUTS,
     check_steps: bool = False,
 ) -> Take:
-    """Simulate, telling on standard error what was decided about the clip and how far it has got.
+    """Simulate, telling on standard error what was decided about the motion and how far it has got.
 
     Raises:
         ValueRangeError: the cape can't be put on.
     """
     console = Console(stderr=True)
-    for decision in clip.decisions:
-        console.print(f"{clip.name}: {decision}", style="dim", highlight=False, soft_wrap=True)
+    for decision in who.decisions:
+        console.print(f"{who.name}: {decision}", style="dim", highlight=False, soft_wrap=True)
     with _told(console), _progress(console) as advance:
         try:
             return simulate(
-                scene, track, solver=solver, cuts=cuts, check_steps=check_steps, name=clip.name, progress=advance
+                scene, who.track, solver=solver, cuts=cuts, check_steps=check_steps, name=who.name, progress=advance
             )
         except Diverged as error:
             raise ValueRangeError(f"the cape can't be put on: {error}") from error

@@ -1,0 +1,130 @@
+"""What a command line asks for of a motion and of who makes it, and both read."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import motions
+from motions.errors import UserError, ValueRangeError
+from skeleton import RobotMotion, Skeleton, load_configurations
+from skeleton.configurations import SUFFIXES
+
+MOST_FPS = 60.0  # where none is asked for
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A motion, or a script to join several, and how to read them, as asked on the command line."""
+
+    clip: str | None
+    unit: str | None = None
+    up: str | None = None
+    height: float | None = None
+    start: float | None = None
+    end: float | None = None
+    fps: float | None = None
+    attach: tuple[str, ...] = ()
+    script: str | None = None
+    skeleton: str | None = None
+    rate: float | None = None
+    packages: tuple[Path, ...] = ()
+
+    @property
+    def configuration_file(self) -> Path | None:
+        """The file of a robot's configurations, None where the motion is something else."""
+        if self.clip is None or self.script is not None or Path(self.clip).suffix.lower() not in SUFFIXES:
+            return None
+        return Path(self.clip)
+
+    @property
+    def frame_rate(self) -> float | None:
+        """The frames per second that were asked for.
+
+        Raises:
+            ValueRangeError: they are out of range.
+        """
+        if self.fps is not None and not 0.0 < self.fps <= 1000.0:
+            raise ValueRangeError(f"fps must be above 0 and at most 1000, not {self.fps}")
+        return self.fps
+
+    def load_as_is(self) -> motions.Clip:
+        """Read the clip, or play the script, all of it at its own frame rate.
+
+        Raises:
+            UserError: there are both a clip and a script, or neither.
+        """
+        if self.script is None:
+            if self.clip is None:
+                raise UserError("give a CLIP or a --script")
+            if self.configuration_file is not None:
+                raise UserError(f"{self.clip} holds a robot's configurations: name the robot, such as --skeleton g1")
+            return self._read(self.clip)
+        if self.clip is not None:
+            raise UserError(f"give either CLIP ({self.clip}) or --script, not both")
+        steps = motions.parse_script(self.script)
+        clips: dict[str, motions.Clip] = {}
+        for number, step in enumerate(steps, 1):
+            try:
+                clips[step.clip] = clips.get(step.clip) or self._read(step.clip, name=step.clip)
+            except UserError as error:
+                raise UserError(f"part {number} of the script, {str(step)!r}: {error}") from None
+        return motions.MotionGraph(list(clips.values())).play(steps)
+
+    def _read(self, clip: str, name: str | None = None) -> motions.Clip:
+        return motions.load(clip, unit=_unit(self.unit), up=self.up, height=self.height, name=name)
+
+    def load(self) -> motions.Clip:
+        """Read, trim and resample the clip.
+
+        Raises:
+            ValueRangeError: it has a single frame.
+        """
+        clip = self.load_as_is()
+        if self.start is not None or self.end is not None:
+            clip = clip.trim(0.0 if self.start is None else self.start, clip.duration if self.end is None else self.end)
+        fps = self.frame_rate or min(clip.fps, MOST_FPS)
+        clip = clip if fps == clip.fps else clip.resample(fps)
+        if clip.frames < 2:
+            raise ValueRangeError(f"{clip.name} has a single frame: a motion needs at least two")
+        return clip
+
+    def body(self, clip: motions.Clip) -> Skeleton:
+        """The body that a clip moves, with roles named by hand where asked."""
+        return Skeleton.from_clip(clip, roles=_roles(self.attach))
+
+    def robot(self, urdf: str) -> Skeleton:
+        """A robot, with roles named by hand where asked."""
+        # The up axis is that of the file with the motion; a clip is turned as it is read.
+        up = None if self.configuration_file is None else self.up
+        return Skeleton.from_urdf(urdf, roles=_roles(self.attach), up=up, package_dirs=self.packages)
+
+    def configurations(self, path: Path, robot: Skeleton) -> RobotMotion:
+        """A robot's motion from a file, trimmed.
+
+        Raises:
+            ValueRangeError: it has a single frame.
+        """
+        motion = load_configurations(path, robot, fps=self.rate)
+        if self.start is not None or self.end is not None:
+            motion = motion.trim(self.start or 0.0, self.end)
+        if motion.frames < 2:
+            raise ValueRangeError(f"{motion.name} has a single frame: a motion needs at least two")
+        return motion
+
+
+def _unit(text: str | None) -> str | float | None:
+    if text is None:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _roles(pairs: tuple[str, ...]) -> dict[str, str] | None:
+    roles = {}
+    for pair in pairs:
+        role, equals, bone = pair.partition("=")
+        if not equals or not role or not bone:
+            raise UserError(f"--attach takes ROLE=BONE, not {pair!r}")
+        roles[role] = bone
+    return roles or None
