@@ -62,7 +62,19 @@ def dress(
     for role in (*(a.bone for a in shoulders), *WEARER_ROLES):
         body.role(role)  # says how to name a bone by hand where none is found
     colliders = body.capsules() if colliders is None else tuple(colliders)
-    scene = Scene(cloth, shoulders, (*colliders, floor_under(colliders, track)), wind=wind or Wind())
+    scene = Scene(
+        cloth,
+        shoulders,
+        (*colliders, floor_under(colliders, track)),
+        wind=wind or Wind(),
+        wearer=(_beginning(body, WEARER_ROLES[0]), _beginning(body, WEARER_ROLES[1]), WEARER_ROLES[2]),
+    )
     for bone in scene.bones:
         track.index(bone)
     return scene
+
+
+def _beginning(body: "Skeleton", role: str) -> str:
+    """The bone at which a limb begins: its role, or of a robot that turns it by several joints the first of them."""
+    bone = body.bones[body.rest.segment_start(role)]
+    return role if bone == body.role(role) else bone

@@ -13,7 +13,7 @@ from cape.self_contact import SelfContact
 from cape.wind import Wind
 from motions.errors import ValueRangeError
 
-# Roles that place the wearer's frame.
+# Bones, or their roles, that place the wearer's frame.
 WEARER_ROLES = ("left_upper_arm", "right_upper_arm", "pelvis")
 GRAVITY = (0.0, 0.0, -9.81)  # m/s2
 
@@ -32,6 +32,7 @@ class Scene:
         thickness: distance at which colliders stop the cloth [m]: half of the cloth's own thickness, and room for
             what lies between the vertices.
         self_contact: how the cloth touches itself; None to let it pass through itself.
+        wearer: the bones, or their roles, at which the left and the right arm begin, and the pelvis: where a cape is.
     """
 
     cloth: Cloth
@@ -42,6 +43,7 @@ class Scene:
     friction: float = 0.3
     thickness: float = 0.005
     self_contact: SelfContact | None = None
+    wearer: tuple[str, str, str] = WEARER_ROLES
 
     def __post_init__(self) -> None:
         """Check what can be checked without bones.
@@ -65,7 +67,7 @@ class Scene:
         """Names of the bones, or roles, that the scene uses, each once."""
         used = [a.bone for a in self.attachments] + [c.bone for c in self.colliders if c.bone is not None]
         if self.cloth.frame == "wearer":
-            used += WEARER_ROLES
+            used += self.wearer
         return tuple(dict.fromkeys(used))
 
 

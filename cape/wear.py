@@ -7,7 +7,7 @@ from cape.assemble import Assembly
 from cape.attach import Attachment
 from cape.kernels.records import Attached
 from cape.poses import Pose
-from cape.scene import WEARER_ROLES, Scene
+from cape.scene import Scene
 from cape.solids import signed_distance
 from motions import quaternions
 from motions.errors import ValueRangeError
@@ -114,7 +114,7 @@ def held_points(attached: Attached, pose: Pose) -> FloatArray:
 
 
 def _wearer(scene: Scene, pose: Pose) -> tuple[FloatArray, FloatArray]:
-    left, right, pelvis = (pose.positions[scene.bones.index(role)] for role in WEARER_ROLES)
+    left, right, pelvis = (pose.positions[scene.bones.index(role)] for role in scene.wearer)
     return wearer_to_world(left, right, pelvis)
 
 
