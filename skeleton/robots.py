@@ -112,7 +112,8 @@ _ROLES_OF: dict[str, dict[str, str]] = {
         "head": "head_2_joint",
         **_both_sides(
             {
-                "shoulder": "arm_{side}_1_joint",
+                # The first of the arm's joints swings the whole shoulder, farther than any collar bone.
+                "shoulder": "torso_2_joint",
                 "upper_arm": "arm_{side}_3_joint",
                 "forearm": "arm_{side}_4_joint",
                 "hand": "arm_{side}_7_joint",
