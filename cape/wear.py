@@ -17,6 +17,8 @@ IntArray = NDArray[np.int64]
 
 HIGHEST_LIFT = 0.15  # m that a neckline is raised at most to clear the shoulders
 LIFT_STEP = 0.002  # m
+FARTHEST = 0.3  # m that it is raised and moved back at most where its wearer's trunk is in the way
+FAR_STEP = 0.01  # m
 
 
 def wearer_to_world(left: FloatArray, right: FloatArray, pelvis: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -119,11 +121,20 @@ def _wearer(scene: Scene, pose: Pose) -> tuple[FloatArray, FloatArray]:
 
 
 def _lift(scene: Scene, pose: Pose, neckline: FloatArray) -> FloatArray:
-    """The least way up the wearer's trunk that takes the neckline clear of all colliders [m], shape (3,)."""
-    up = _wearer(scene, pose)[0][:, 2]
+    """The least way up the wearer's trunk that takes the neckline clear of all colliders [m], shape (3,).
+
+    Where that would be too far, as for a robot whose shoulders lie deep in its trunk, it goes back as well.
+    """
+    rotation = _wearer(scene, pose)[0]
+    forward, up = rotation[:, 0], rotation[:, 2]
     for height in np.arange(0.0, HIGHEST_LIFT, LIFT_STEP):
         if not _touches(scene, pose, neckline + height * up):
             return height * up
+    heights, ways = (axis.ravel() for axis in np.mgrid[0:FARTHEST:FAR_STEP, 0:FARTHEST:FAR_STEP])
+    for k in np.argsort(np.hypot(heights, ways), kind="stable"):
+        shift = heights[k] * up - ways[k] * forward
+        if not _touches(scene, pose, neckline + shift):
+            return shift
     return np.zeros(3)
 
 
