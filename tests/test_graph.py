@@ -185,7 +185,7 @@ def test_no_joint_is_faster_in_a_blend_than_in_its_clips(shown: Clip, shipped: d
 STEPS = st.builds(Step, st.sampled_from(motions.clip_names()), st.none() | st.floats(0.2, 8.0))
 
 
-@settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=4, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(STEPS, min_size=2, max_size=3))
 @example([Step("spin"), Step("idle"), Step("idle")])
 def test_whatever_is_asked_for_no_joint_is_too_fast(graph: MotionGraph, shipped: dict[str, Clip], steps: list[Step]):
@@ -202,18 +202,23 @@ def test_nothing_jumps(shown: Clip, shipped: dict[str, Clip]):
 
 
 def test_speeds_have_no_jump_where_clips_are_smooth():
-    """With twice the frames the largest change of a velocity halves, seams included: one with a jump would not."""
+    """With four times the frames the largest change of a velocity is a quarter, seams included: a jump would stay."""
     changes = []
-    for fps in (60.0, 120.0):
-        clips = [swaying("a", fps=fps), swaying("b", fps=fps, phase=1.0, angle=0.5)]
-        clip = MotionGraph(clips, blend=0.5).play("a 2s, b 6s, a 1s")
-        assert len(told(clip)) >= 3
+    for fps in (60.0, 240.0):
+        clips = [swaying("a", fps=fps, seconds=3.0), swaying("b", fps=fps, seconds=3.0, phase=1.0, angle=0.5)]
+        clip = MotionGraph(clips, search=0.1).play("a 1s, b 4s")
+        blends = told(clip)
+        assert len(blends) >= 2
+        assert float(blends[0]["within"]) > 0.35, "the first is drawn out"
         changes.append(np.linalg.norm(np.diff(positions(clip), n=2, axis=0), axis=-1).max() * fps)
-    assert changes[1] == pytest.approx(changes[0] / 2, rel=0.1)
+    assert changes[1] == pytest.approx(changes[0] / 4, rel=0.1)
 
 
 def test_feet_that_stand_stay_where_they_are(shown: Clip):
-    """Slides of the lowest joints of the feet, within a centimetre of the ground, in each blend."""
+    """Feet's joints near the ground, in each blend: those that stand in both clips slide by less than 3 cm.
+
+    From walk to run it would be 10 cm if the root were blended. Where one foot has to give way it slides farther.
+    """
     feet = [shown.index(f"{side}{part}") for side in ("Left", "Right") for part in ("Foot", "ToeBase")]
     at = shown.world_positions()[:, feet]
     low = (at[1:, :, 2] + at[:-1, :, 2]) / 2 < np.quantile(at[..., 2], 0.1, axis=0) + 0.005
@@ -223,9 +228,9 @@ def test_feet_that_stand_stay_where_they_are(shown: Clip):
         begin = round(float(blend["begin"]) * shown.fps)
         within = slice(begin, begin + round(float(blend["within"]) * shown.fps))
         slides[blend["source"], blend["target"]] = steps[within].sum(axis=0).max()
-    assert slides["walk", "run"] < 0.04
-    assert slides["run", "kick"] < 0.06
     assert slides["kick", "idle"] < 0.002
+    assert slides["walk", "run"] < 0.03
+    assert max(slides.values()) < 0.15
 
 
 def test_a_joint_that_never_turns_makes_a_blend_as_long_as_allowed_and_is_told():
@@ -331,7 +336,9 @@ def test_joints_that_move_in_their_parents_are_blended_too():
     assert clip.local_positions is not None
     lengths = clip.local_positions[:, 2, 2]
     assert (lengths[0], lengths[-1]) == (0.4, 0.45)
-    assert np.all(np.diff(lengths) >= 0.0)
+    # The steepest slope of the weight over the 18 frames of the shortest blend is 15/8.
+    assert np.diff(lengths).min() >= 0.0
+    assert np.diff(lengths).max() <= 15 / 8 * 0.05 / 18
     np.testing.assert_array_equal(clip.local_positions[:, 0], clip.root_positions)
     assert MotionGraph([swaying("plain")]).play("plain").local_positions is None
 
