@@ -198,7 +198,8 @@ class MotionGraph:
         A part with a time lasts that long, give or take `search`, from where its blend begins to where the next one's
         does, but no less than the blend that leads to it; it goes round in its clip where that is shorter. A part
         without a time plays its clip once, from one of the first frames to one of the last, no farther from the ends
-        than a blend is long. The last part ends exactly on its time, or with its clip.
+        than a blend is long. The last part ends exactly on its time, or with its clip. Parts with
+        times that follow each other in the same clip are one.
 
         Returns:
             A clip named after the parts; its decisions tell where each begins, and how well clips fit together.
@@ -212,6 +213,7 @@ class MotionGraph:
             raise UserError("the script has no part")
         for number, step in enumerate(steps, 1):
             self._source(step.clip, f"It stands in part {number} of the script, {str(step)!r}")
+        steps = _joined(steps)
         splice, decisions = Splice(), [f"{steps[0].clip} begins at 0.00 s with its frame 0"]
         at, played = 0, 0  # the frame of the clip that comes next, and how many frames of the part lie behind
         for step, after in zip(steps, [*steps[1:], None], strict=True):
@@ -366,6 +368,18 @@ class MotionGraph:
             local_positions=local_positions if moving else None,
             decisions=(*told, *decisions),
         )
+
+
+def _joined(steps: Sequence[Step]) -> list[Step]:
+    """The steps, those that only go on in the same clip for some more time added up."""
+    joined: list[Step] = []
+    for step in steps:
+        before = joined[-1] if joined else None
+        if before and before.clip == step.clip and before.seconds is not None and step.seconds is not None:
+            joined[-1] = Step(step.clip, before.seconds + step.seconds)
+        else:
+            joined.append(step)
+    return joined
 
 
 def _local_minima(values: FloatArray) -> NDArray[np.bool_]:
