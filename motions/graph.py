@@ -23,7 +23,7 @@ CANDIDATES = 40
 """Pairs of frames whose blends are tried at each length, dense among those of small distance, sparse among the rest."""
 
 NEAR = 3
-"""By how many frames the best of them is then moved either way; what is missed costs a tenth more at most."""
+"""By how many frames the best of them is then moved either way, in each of its two clips."""
 
 SLIDE = 4.0
 """Weight of the sliding of feet against the distance of two windows: a foot that slides is seen sooner than a pose that
@@ -198,8 +198,8 @@ class MotionGraph:
         A part with a time lasts that long, give or take `search`, from where its blend begins to where the next one's
         does, but no less than the blend that leads to it; it goes round in its clip where that is shorter. A part
         without a time plays its clip once, from one of the first frames to one of the last, no farther from the ends
-        than a blend is long. The last part ends exactly on its time, or with its clip. Parts with
-        times that follow each other in the same clip are one.
+        than a blend is long. The last part ends exactly on its time, or with its clip. Parts with times that follow
+        each other in the same clip are one.
 
         Returns:
             A clip named after the parts; its decisions tell where each begins, and how well clips fit together.
@@ -281,8 +281,8 @@ class MotionGraph:
     def _best_of_length(self, source: str, target: str, frames: int, leaving: _Span, entering: _Span) -> _Option:
         """The cheapest of some blends from all over the spans, or of all that begin a few frames from it.
 
-        The cost is the distance of the two windows and what feet slide in the blend, both in metres, times how far the
-        frames are from those that are wanted, times how much the blend is drawn out, of which half counts.
+        The cost is the distance of the two windows and `SLIDE` times what feet slide in the blend, both in metres; it
+        grows with how far the frames are from those that are wanted, and with how much the blend is drawn out.
         """
         a, b = self._sources[source], self._sources[target]
         distances, headings = window_distances(
