@@ -45,10 +45,16 @@ def _ground(points: FloatArray) -> NDArray[np.complex128]:
 
 def _along(values: NDArray, window: int) -> NDArray:
     """Sums over windows of consecutive values, shape (F,) to (F - K + 1,)."""
-    return sum(values[k : len(values) - window + 1 + k] for k in range(window))
+    total = np.zeros(len(values) - window + 1, dtype=values.dtype)
+    for k in range(window):
+        total += values[k : len(total) + k]
+    return total
 
 
 def _diagonally(values: NDArray, window: int) -> NDArray:
     """Sums over windows that advance in both directions at once, shape (F, G) to (F - K + 1, G - K + 1)."""
     rows, columns = (size - window + 1 for size in values.shape)
-    return sum(values[k : rows + k, k : columns + k] for k in range(window))
+    total = np.zeros((rows, columns), dtype=values.dtype)
+    for k in range(window):
+        total += values[k : rows + k, k : columns + k]
+    return total

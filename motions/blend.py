@@ -17,6 +17,10 @@ TOLERANCE = 1e-3
 """By how much a blend may be faster than its clips [m/s, rad/s]: what rounding to four decimals makes of positions
 [inch] at 120 frames a second in a BVH file, where a joint stands still."""
 
+BOTH = -1
+SUPPORTS = (BOTH, 0, 1)
+"""Both feet, or the left or the right one alone: where the feet come closer or part, one has to give way."""
+
 ROOT_SHARE = 0.05
 """Weight of the root beside a joint of a foot that stands through all of the window, 1: small, so that the foot stays
 put, yet above 0, for windows in which no foot stands."""
@@ -53,7 +57,15 @@ class Blends:
 
 
 def blend_windows(
-    a: Source, b: Source, leave: IntArray, enter: IntArray, headings: FloatArray, frames: int, *, extra: int = 0
+    a: Source,
+    b: Source,
+    leave: IntArray,
+    enter: IntArray,
+    headings: FloatArray,
+    supports: IntArray,
+    frames: int,
+    *,
+    extra: int = 0,
 ) -> Blends:
     """Pass from windows of one clip to windows of another.
 
@@ -72,6 +84,7 @@ def blend_windows(
         leave: last frames of the first clip before the blends, shape (M,).
         enter: frames of the second that stand for them, not yet seen, shape (M,).
         headings: turns about +Z of the second clip towards the first [rad], shape (M,).
+        supports: which feet may hold the body, among `SUPPORTS`, shape (M,).
         frames: number N of frames from `leave` on until the second clip alone is seen.
         extra: number E of frames that the blend takes besides.
     """
@@ -90,6 +103,7 @@ def blend_windows(
     held = np.concatenate([[0], a.feet])
     window = np.arange(frames + 1)
     firm = (a.standing[leave[:, None] + window] * b.standing[enter[:, None] + window]).mean(axis=1)
+    firm *= (supports[:, None] == BOTH) | (supports[:, None] == a.sides[a.feet])
     speed_limits = np.maximum(a.speed_limits, b.speed_limits) + TOLERANCE
     shares = np.concatenate([np.full((len(leave), 1), ROOT_SHARE), firm], axis=1) / speed_limits[held]
     shares /= shares.sum(axis=1, keepdims=True)

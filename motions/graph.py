@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions.alignment import window_distances
-from motions.blend import Blends, blend_windows
+from motions.blend import SUPPORTS, Blends, blend_windows
 from motions.clip import Clip
 from motions.errors import UnknownNameError, UserError, ValueRangeError
 from motions.one_skeleton import check_one_skeleton
@@ -19,10 +19,17 @@ from motions.splice import Splice
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-CANDIDATES = 120
+CANDIDATES = 40
 """Pairs of frames whose blends are tried at each length, dense among those of small distance, sparse among the rest."""
 
-LENGTHEN = 2.0
+NEAR = 3
+"""By how many frames the best of them is then moved either way, in each of its two clips."""
+
+SLIDE = 4.0
+"""Weight of the sliding of feet against the distance of two windows: a foot that slides is seen sooner than a pose that
+changes."""
+
+LENGTHEN = 1.5
 """Factor from each length of blends that is tried to the next."""
 
 MOST_NAMED = 8  # parts of a script that the name of the clip tells
@@ -77,6 +84,17 @@ class _Passage:
 
 
 @dataclass(frozen=True)
+class _Option:
+    """A passage that may be chosen: which feet hold the body, its extra frames, its cost, whether it takes too long."""
+
+    at: Transition
+    support: int
+    extra: int
+    cost: float
+    late: bool
+
+
+@dataclass(frozen=True)
 class _Span:
     """Frames at which a clip may be left or entered, and the one to take where nothing else decides, if any."""
 
@@ -116,7 +134,8 @@ class MotionGraph:
         Args:
             clips: one or more, of different names.
             blend: how long a blend takes at least [s].
-            longest: how long one may take [s]; slow clips whose poses differ need long blends.
+            longest: how long one may take [s], the clips overlapping for half of it at most; slow clips of different
+                poses need long blends.
             search: by how much a part of a script may be longer or shorter than asked, and how far into a clip it may
                 begin, where the clips are more alike there [s].
             fps: frames per second, by default those of the clip that has most.
@@ -179,7 +198,8 @@ class MotionGraph:
         A part with a time lasts that long, give or take `search`, from where its blend begins to where the next one's
         does, but no less than the blend that leads to it; it goes round in its clip where that is shorter. A part
         without a time plays its clip once, from one of the first frames to one of the last, no farther from the ends
-        than a blend is long. The last part ends exactly on its time, or with its clip.
+        than a blend is long. The last part ends exactly on its time, or with its clip. Parts with times that follow
+        each other in the same clip are one.
 
         Returns:
             A clip named after the parts; its decisions tell where each begins, and how well clips fit together.
@@ -193,6 +213,7 @@ class MotionGraph:
             raise UserError("the script has no part")
         for number, step in enumerate(steps, 1):
             self._source(step.clip, f"It stands in part {number} of the script, {str(step)!r}")
+        steps = _joined(steps)
         splice, decisions = Splice(), [f"{steps[0].clip} begins at 0.00 s with its frame 0"]
         at, played = 0, 0  # the frame of the clip that comes next, and how many frames of the part lie behind
         for step, after in zip(steps, [*steps[1:], None], strict=True):
@@ -247,38 +268,54 @@ class MotionGraph:
         return self._loops[name]
 
     def _best(self, source: str, target: str, spans: _Spans) -> _Passage:
-        """The passage between two clips that costs least.
+        """The passage between two clips that costs least, among blends of several lengths."""
+        longest = min(
+            max(self._shortest, self._longest // 2), *(self._sources[name].third for name in (source, target))
+        )
+        options, frames = [], self._shortest
+        while frames <= longest:
+            options.append(self._best_of_length(source, target, frames, *spans(frames)))
+            frames = round(LENGTHEN * frames)
+        return self._drawn_out(min(options, key=lambda option: (option.late, option.cost)))
 
-        The cost is the distance of the two windows and what feet slide in the blend, both in metres, times how far the
-        frames are from those that are wanted, times how much the blend is drawn out.
+    def _best_of_length(self, source: str, target: str, frames: int, leaving: _Span, entering: _Span) -> _Option:
+        """The cheapest of some blends from all over the spans, or of all that begin a few frames from it.
+
+        The cost is the distance of the two windows and `SLIDE` times what feet slide in the blend, both in metres; it
+        grows with how far the frames are from those that are wanted, and with how much the blend is drawn out.
         """
         a, b = self._sources[source], self._sources[target]
-        found: list[tuple[bool, float, Transition, int]] = []
-        frames = self._shortest
-        while frames <= min(self._longest, a.third, b.third):
-            leaving, entering = spans(frames)
-            distances, headings = window_distances(
-                a.points[leaving.first : leaving.last + frames + 1],
-                b.points[entering.first : entering.last + frames + 1],
-                frames + 1,
-            )
-            factors = leaving.costs()[:, None] * entering.costs()
-            i, j = _least(distances * factors, CANDIDATES)
+        distances, headings = window_distances(
+            a.points[leaving.first : leaving.last + frames + 1],
+            b.points[entering.first : entering.last + frames + 1],
+            frames + 1,
+        )
+        factors = leaving.costs()[:, None] * entering.costs()
+
+        def cheapest(i: IntArray, j: IntArray, supports: IntArray) -> _Option:
             leave, enter = leaving.first + i, entering.first + j
-            blends = blend_windows(a, b, leave, enter, headings[i, j], frames)
+            blends = blend_windows(a, b, leave, enter, headings[i, j], supports, frames)
             extra = blends.extra_frames()
-            costs = (distances[i, j] + blends.slides) * factors[i, j] * (1.0 + extra / frames)
+            costs = (distances[i, j] + SLIDE * blends.slides) * factors[i, j] * (1.0 + extra / frames / 2)
             late = frames + extra > self._longest
             k = np.lexsort((costs, late))[0]
             numbers = int(leave[k]), int(enter[k]), frames, float(distances[i[k], j[k]]), float(headings[i[k], j[k]])
-            found.append((bool(late[k]), float(costs[k]), Transition(source, target, *numbers), int(extra[k])))
-            frames = round(LENGTHEN * frames)
-        _, _, transition, extra = min(found, key=lambda option: option[:2])
-        return self._drawn_out(transition, extra)
+            at = Transition(source, target, *numbers)
+            return _Option(at, int(supports[k]), int(extra[k]), float(costs[k]), bool(late[k]))
 
-    def _drawn_out(self, at: Transition, extra: int) -> _Passage:
+        i, j = _least(distances * factors, CANDIDATES)
+        count = len(SUPPORTS)
+        coarse = cheapest(np.tile(i, count), np.tile(j, count), np.repeat(SUPPORTS, len(i)))
+        place = coarse.at.leave - leaving.first, coarse.at.enter - entering.first
+        rows, columns = (
+            np.arange(max(x - NEAR, 0), min(x + NEAR + 1, size)) for x, size in zip(place, distances.shape, strict=True)
+        )
+        i, j = np.repeat(rows, len(columns)), np.tile(columns, len(rows))
+        return cheapest(i, j, np.full(len(i), coarse.support))
+
+    def _drawn_out(self, option: _Option) -> _Passage:
         """The passage with as few extra frames as keep its joints within their limits, but no longer than allowed."""
-        most = self._longest - at.frames
+        at, extra, most = option.at, option.extra, self._longest - option.at.frames
         while True:
             extra = min(extra, most)
             blends = blend_windows(
@@ -287,6 +324,7 @@ class MotionGraph:
                 np.array([at.leave]),
                 np.array([at.enter]),
                 np.array([at.heading]),
+                np.array([option.support]),
                 at.frames,
                 extra=extra,
             )
@@ -332,6 +370,18 @@ class MotionGraph:
         )
 
 
+def _joined(steps: Sequence[Step]) -> list[Step]:
+    """The steps, those that only go on in the same clip for some more time added up."""
+    joined: list[Step] = []
+    for step in steps:
+        before = joined[-1] if joined else None
+        if before and before.clip == step.clip and before.seconds is not None and step.seconds is not None:
+            joined[-1] = Step(step.clip, before.seconds + step.seconds)
+        else:
+            joined.append(step)
+    return joined
+
+
 def _local_minima(values: FloatArray) -> NDArray[np.bool_]:
     """Where a value is finite and no neighbour, of eight, is less, shape (M, N)."""
     rows, columns = values.shape
@@ -340,8 +390,9 @@ def _local_minima(values: FloatArray) -> NDArray[np.bool_]:
     return np.isfinite(values) & (values <= np.min(neighbours, axis=0))
 
 
-def _least(values: FloatArray, count: int) -> tuple[IntArray, IntArray]:
+def _least(values: FloatArray, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Indices of at most `count` values in rising order: the least ones, and ever fewer of the larger ones."""
     order = np.argsort(values, axis=None, kind="stable")
     places = np.unique(np.geomspace(1, len(order), count).astype(np.int64)) - 1
-    return np.unravel_index(order[places], values.shape)
+    i, j = np.unravel_index(order[places], values.shape)
+    return i, j

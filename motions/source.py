@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from motions import quaternions
 from motions.clip import Clip
-from motions.roles import find_roles
+from motions.roles import SIDES, find_roles
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -52,19 +52,27 @@ class Source:
         return spins(self.clip.rotations_wxyz, self.clip.fps).max(axis=0)
 
     @cached_property
-    def feet(self) -> IntArray:
-        """Joints from the ankles down, as far as names tell them, T of them, shape (T,)."""
+    def sides(self) -> IntArray:
+        """0 for joints of the left foot, from the ankle down, 1 for the right, as far as names tell, else -1, (J,)."""
         roles = find_roles(self.clip.joints, self.clip.parents.tolist())
-        found = {self.clip.index(roles[role]) for role in ("left_foot", "right_foot") if role in roles}
-        for joint, parent in enumerate(self.clip.parents.tolist()):
-            if parent in found:
-                found.add(joint)
-        return np.array(sorted(found), dtype=np.int64)
+        ankles = {roles.get(f"{side}_foot"): number for number, side in enumerate(SIDES)}
+        sides = np.full(len(self.clip.joints), -1)
+        for joint, (name, parent) in enumerate(zip(self.clip.joints, self.clip.parents, strict=True)):
+            sides[joint] = ankles.get(name, sides[parent] if parent >= 0 else -1)
+        return sides
+
+    @cached_property
+    def feet(self) -> IntArray:
+        """The joints of both feet, T of them, shape (T,)."""
+        return np.flatnonzero(self.sides >= 0)
 
     @cached_property
     def ground(self) -> FloatArray:
-        """Lowest height of each joint of the feet [m], shape (T,)."""
-        return self.points[:, self.feet, 2].min(axis=0)
+        """Height that each joint of the feet is below of for a tenth of the time, as where it stands [m], shape (T,).
+
+        The lowest height of all would be centimetres under the places where recorded feet stand.
+        """
+        return np.quantile(self.points[:, self.feet, 2], 0.1, axis=0)
 
     @cached_property
     def standing(self) -> FloatArray:
