@@ -1,8 +1,8 @@
 """What becomes of a cape on robots: every shipped clip on each of them, and motions of their own.
 
 `python tests/bench/characters.py [--robot g1 ...] [--clip walk ...] [--solver euler]` prints a row for each run:
-how far hands and feet are from the scaled source (RMS and at most), deepest penetration, largest stretch, speed in times
-real time, and the result. Motions of one's own (`CAPE_CLIPS`, a folder with g1_*.csv) run on the G1.
+how far hands and feet are from the scaled source (RMS and at most), deepest penetration, largest stretch, speed in
+times real time, and the result. Motions of one's own (`CAPE_CLIPS`, a folder with g1_*.csv) run on the G1.
 """
 
 import argparse
