@@ -1,0 +1,185 @@
+"""Inverse kinematics of a robot that follows places and rotations from frame to frame, by Pink."""
+
+# Pinocchio lies in a folder that only a .pth file puts on the path, where pyright doesn't look.
+# pyright: reportMissingImports=false
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motions import quaternions
+from motions.errors import UserError, ValueRangeError
+from skeleton.model import Skeleton
+
+if TYPE_CHECKING:
+    import pinocchio
+
+FloatArray = NDArray[np.float64]
+
+_FIRST_ITERATIONS = 200
+_ITERATIONS = 8
+_CONVERGED = 1e-3
+"""The solver has converged where a further step moves no joint by more than this [rad, m]."""
+
+_RECOVERY = 0.5
+"""Joints that no target determines return to the neutral configuration with this time constant [s]."""
+
+_POSTURE_COST = 0.05
+_DAMPING = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """What a frame of the robot should follow.
+
+    Attributes:
+        name: unique name.
+        bone: index of the bone that carries the frame.
+        place: origin of the frame in the bone's frame [m], shape (3,).
+        axes_wxyz: axes of the frame, frame_to_bone, shape (4,).
+        positions: wanted origins in the world [m], shape (F, 3), with `position_cost` above zero.
+        rotations_wxyz: wanted frame_to_world, shape (F, 4), where a rotation is wanted.
+        directions: wanted directions of the frame's z axis, shape (F, 3), where only that axis is.
+        position_cost: cost of a metre.
+        rotation_cost: cost of a radian.
+    """
+
+    name: str
+    bone: int
+    place: FloatArray
+    axes_wxyz: FloatArray
+    positions: FloatArray | None = None
+    rotations_wxyz: FloatArray | None = None
+    directions: FloatArray | None = None
+    position_cost: float = 0.0
+    rotation_cost: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """What the robot did.
+
+    Attributes:
+        configurations: shape (F, nq).
+        positions: origins of the targets' frames by name [m], shape (F, 3) each.
+        rotations_wxyz: frame_to_world by name, shape (F, 4) each.
+    """
+
+    configurations: FloatArray
+    positions: dict[str, FloatArray]
+    rotations_wxyz: dict[str, FloatArray]
+
+
+def follow(
+    robot: Skeleton, targets: Sequence[Target], first_root: FloatArray, first_wxyz: FloatArray, fps: float
+) -> Followed:
+    """Configurations that come nearest to the targets, by weighted least squares within the robot's limits.
+
+    Each frame is solved by Gauss-Newton steps from the solution of the frame before, the first from the neutral
+    configuration. A step is a quadratic program whose bounds are the joints' limits, cut to where a joint can get from
+    the frame before at the speed that the model allows; a limit of zero or infinity is none.
+
+    Args:
+        robot: with a root that moves freely.
+        targets: what to follow, all over the same F frames.
+        first_root: where the root begins in the world [m], shape (3,).
+        first_wxyz: root_to_world from which it begins, shape (4,).
+        fps: frames per second.
+
+    Raises:
+        UserError: the extra `retarget` isn't installed.
+        ValueRangeError: the robot's root doesn't move freely, or a joint's limits leave it no place.
+    """
+    try:
+        import pink
+        import pink.tasks
+    except ImportError:
+        raise UserError("retargeting needs the packages pink and daqp: pip install 'cape[retarget]'") from None
+    import pinocchio as pin
+
+    model = robot.model.copy()
+    if model.joints[1].shortname() != "JointModelFreeFlyer":
+        raise ValueRangeError("only a robot with a floating base can follow a motion; see Skeleton.from_urdf")
+    frames = [_add_frame(model, target) for target in targets]
+    lower, upper, reach = _bounds(model, fps)
+    neutral = pin.neutral(model)
+    neutral[7:] = np.clip(neutral[7:], lower[7:], upper[7:])
+    placement = model.jointPlacements[1].inverse() * pin.SE3(quaternions.to_matrix(first_wxyz), first_root)
+    neutral[:7] = pin.SE3ToXYZQUAT(placement)
+
+    state = pink.Configuration(model, model.createData(), neutral, copy_data=False)
+    tasks = [pink.tasks.FrameTask(_frame_name(t), t.position_cost, t.rotation_cost) for t in targets]
+    posture = pink.tasks.PostureTask(cost=_POSTURE_COST)
+    limit = pink.limits.ConfigurationLimit(model, config_limit_gain=1.0)
+    count = len(next(t.positions for t in targets if t.positions is not None))
+    configurations = np.empty((count, model.nq))
+    positions = np.empty((count, len(targets), 3))
+    rotations = np.empty((count, len(targets), 3, 3))
+    back = 1.0 - np.exp(-1.0 / (_RECOVERY * fps))
+    for frame in range(count):
+        before = state.q
+        if frame:
+            model.lowerPositionLimit = np.maximum(lower, before - reach)
+            model.upperPositionLimit = np.minimum(upper, before + reach)
+        posture.set_target(pin.interpolate(model, before, neutral, back))
+        for target, task, index in zip(targets, tasks, frames, strict=True):
+            task.set_target(_wanted_pose(target, frame, state.data.oMf[index]))
+        for _ in range(_ITERATIONS if frame else _FIRST_ITERATIONS):
+            step = pink.solve_ik(state, [*tasks, posture], 1.0, "daqp", damping=_DAMPING, limits=[limit])
+            q = pin.integrate(model, state.q, step)
+            q[7:] = np.clip(q[7:], model.lowerPositionLimit[7:], model.upperPositionLimit[7:])
+            state.update(q)
+            if np.abs(step).max() < _CONVERGED:
+                break
+        configurations[frame] = state.q
+        for k, index in enumerate(frames):
+            positions[frame, k] = state.data.oMf[index].translation
+            rotations[frame, k] = state.data.oMf[index].rotation
+    quats = quaternions.from_matrix(rotations)
+    names = [target.name for target in targets]
+    return Followed(
+        configurations,
+        {name: positions[:, k] for k, name in enumerate(names)},
+        {name: quats[:, k] for k, name in enumerate(names)},
+    )
+
+
+def _frame_name(target: Target) -> str:
+    """A name that no link of a robot has, such as "pelvis" would be."""
+    return f"target of {target.name}"
+
+
+def _add_frame(model: "pinocchio.Model", target: Target) -> int:
+    import pinocchio as pin
+
+    placement = pin.SE3(quaternions.to_matrix(target.axes_wxyz), target.place)
+    return model.addFrame(pin.Frame(_frame_name(target), target.bone + 1, placement, pin.OP_FRAME))
+
+
+def _bounds(model: "pinocchio.Model", fps: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lowest and highest joint positions, and how far each gets within a frame, infinite for none, shapes (nq,)."""
+    lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
+    reach = np.full(model.nq, np.inf)
+    for joint in range(2, model.njoints):
+        if model.nqs[joint] == model.nvs[joint] == 1:
+            speed = model.velocityLimit[model.idx_vs[joint]]
+            if 0.0 < speed < np.inf:
+                reach[model.idx_qs[joint]] = speed / fps
+    return lower, upper, reach
+
+
+def _wanted_pose(target: Target, frame: int, now: Any) -> Any:
+    """The pose that a frame should take; what isn't wanted stays as it is now."""
+    import pinocchio as pin
+
+    rotation = now.rotation.copy()
+    if target.rotations_wxyz is not None:
+        rotation = quaternions.to_matrix(target.rotations_wxyz[frame])
+    elif target.directions is not None:
+        turn = pin.Quaternion.FromTwoVectors(rotation[:, 2], target.directions[frame])
+        rotation = turn.toRotationMatrix() @ rotation
+    position = now.translation.copy() if target.positions is None else target.positions[frame]
+    return pin.SE3(rotation, position)

@@ -1,0 +1,246 @@
+"""A clip's motion on a robot: retargeting by inverse kinematics on matched roles."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motions import quaternions
+from motions.clip import Clip
+from motions.errors import ValueRangeError
+from motions.roles import SIDES
+from skeleton import footing
+from skeleton.inverse import Followed, Target, follow
+from skeleton.model import Skeleton
+from skeleton.rest import RestPose
+from skeleton.robot_motion import RobotMotion
+from skeleton.scaled_source import LIMB_OF, ScaledSource, body_axes, scaled_source, standing_axes, target_point
+
+FloatArray = NDArray[np.float64]
+
+_POSITION_COSTS = {
+    "pelvis": 4.0,
+    "upper_arm": 3.0,
+    "forearm": 2.0,
+    "hand": 6.0,
+    "shin": 1.5,
+    "foot": 15.0,
+}
+"""Cost of a metre: feet before hands, so that what stands stays, hands before what leads to them."""
+
+_ROTATION_COSTS = {"pelvis": 1.0, "chest": 0.7, "head": 0.3, "foot": 2.0, "hand": 0.15}
+"""Cost of a radian."""
+
+_AT_LIMIT = 1e-4
+"""A joint this close to a limit [rad] is at it."""
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far the robot is off over the frames: root mean square and maximum, [m] for places, [rad] for rotations."""
+
+    rms: float
+    max: float
+
+
+@dataclass(frozen=True, eq=False)
+class Retargeted:
+    """A clip's motion on a robot, and how well it fits.
+
+    Attributes:
+        motion: the robot's motion, at the clip's times.
+        scale: the robot's leg over the source's.
+        errors: distance of the robot's joint from the scaled source by role [m]; "pelvis" is the middle of the hips,
+            "left_upper_arm" the shoulder, "left_hand" the wrist and so on, see `skeleton.scaled_source`.
+        turns: angle between the robot's and the source's "pelvis", "chest", "head" and hands [rad]; of a hand only its
+            direction counts.
+        at_limits: share of the frames at which a joint is at one of its limits, by its name, those that ever are.
+        at_top_speed: share of the frames at which a joint moves as fast as the model allows, likewise.
+        sliding: farthest that a foot gets from where it came down while it stands [m].
+        clearance: height of the lowest point of the soles in the whole motion [m].
+        hover: largest height of the lowest point of a standing foot's sole [m].
+        stands: whether the foot of a side stands, shape (F,) each.
+    """
+
+    motion: RobotMotion
+    scale: float
+    errors: Mapping[str, Deviation]
+    turns: Mapping[str, Deviation]
+    at_limits: Mapping[str, float]
+    at_top_speed: Mapping[str, float]
+    sliding: float
+    clearance: float
+    hover: float
+    stands: Mapping[str, NDArray[np.bool_]]
+
+
+def retarget(clip: Clip, robot: Skeleton, *, roles: Mapping[str, str] | None = None) -> Retargeted:
+    """Make a robot move as a clip does.
+
+    The clip is scaled to the robot (`skeleton.scaled_source`), its standing feet are held still and level
+    (`skeleton.footing`), and the robot follows frame after frame within the limits of its joints
+    (`skeleton.inverse.follow`). Then the whole is lifted or lowered until the lowest point of the soles is on z = 0.
+
+    Args:
+        clip: a motion of a body with legs and arms.
+        robot: from `Skeleton.from_urdf`, with a floating base, standing level in its neutral configuration.
+        roles: joint names for the clip's roles that aren't found or are found wrongly.
+
+    Raises:
+        UnknownNameError: a shoulder or a part of a leg has no joint in the clip or in the robot, or an override's role or
+            joint doesn't exist.
+        ValueRangeError: the robot is the body of a clip, or stands on a fixed base.
+        FileError: a mesh of the robot's feet can't be read.
+        UserError: the extra `retarget` isn't installed.
+    """
+    if not robot.is_robot:
+        raise ValueRangeError("only a robot can be retargeted to; the body of a clip moves by Skeleton.track")
+    standing = standing_axes(robot.rest)
+    soles = footing.soles_of(robot, standing)
+    source = scaled_source(clip, robot, soles.ankle_height, roles=roles)
+    targets = _targets(robot.rest, source, soles, standing)
+    pelvis = next(target for target in targets if target.name == "pelvis")
+    followed = follow(robot, targets, *_root_pose(robot.rest, pelvis), clip.fps)
+
+    heights = {
+        side: footing.lowest_heights(
+            followed.positions[f"{side}_foot"][:, 2], followed.rotations_wxyz[f"{side}_foot"], soles.points[side]
+        )
+        for side in SIDES
+    }
+    lift = -min(float(height.min()) for height in heights.values())
+    configurations = _lifted(robot, followed.configurations, lift)
+    decisions = (
+        f"scale: the robot's legs are {source.scale:.3f} times as long as those of the clip {clip.name!r}",
+        f"floor: the whole motion moved {'up' if lift > 0 else 'down'} by {1000 * abs(lift):.1f} mm",
+        *soles.decisions,
+    )
+    return Retargeted(
+        motion=RobotMotion(clip.name, configurations, clip.times, decisions),
+        scale=source.scale,
+        errors=_errors(followed, source),
+        turns=_turns(followed, source),
+        at_limits=_shares_at_limits(robot, configurations),
+        at_top_speed=_shares_at_top_speed(robot, configurations, clip.fps),
+        sliding=max(_sliding(followed.positions[f"{side}_foot"], source.stands[side]) for side in SIDES),
+        clearance=min(float(height.min()) for height in heights.values()) + lift,
+        hover=max(float((height[source.stands[side]] + lift).max(initial=0.0)) for side, height in heights.items()),
+        stands=source.stands,
+    )
+
+
+def _targets(rest: RestPose, source: ScaledSource, soles: footing.Soles, standing: FloatArray) -> list[Target]:
+    """What each of the robot's frames should follow."""
+    points, rotations = dict(source.points), dict(source.rotations)
+    axes = {role: body_axes(rest, LIMB_OF.get(role, "upper_arm")) for role in ("pelvis", "chest", "head")}
+    for side in SIDES:
+        foot, stands = f"{side}_foot", source.stands[side]
+        axes[foot] = standing
+        points[foot] = footing.planted(points[foot], stands, soles.ankle_height)
+        rotations[foot] = footing.tilted_soles(rotations[foot], points[foot][:, 2], stands, soles.points[side])
+        # The segment of a hand points where the forearm does in the rest pose: robots' hands seldom have joints of theirs.
+        if (hand := f"{side}_hand") in source.directions:
+            forearm = rest.origin(hand) - target_point(rest, f"{side}_forearm")[1]
+            axes[hand] = quaternions.from_z_axis(forearm)
+    targets = []
+    for role in dict.fromkeys([*points, *rotations]):
+        if role.endswith("_thigh"):
+            continue
+        part = role.removeprefix("left_").removeprefix("right_")
+        bone, place = target_point(rest, role)
+        to_bone = quaternions.conjugate(rest.rotations_wxyz[bone])
+        targets.append(
+            Target(
+                role,
+                bone,
+                rest.into_bone(bone, place),
+                quaternions.multiply(to_bone, axes[role]) if role in axes else np.array([1.0, 0.0, 0.0, 0.0]),
+                positions=points.get(role),
+                rotations_wxyz=rotations.get(role),
+                directions=source.directions.get(role),
+                position_cost=_POSITION_COSTS[part] if role in points else 0.0,
+                rotation_cost=_ROTATION_COSTS.get(part, 0.0),
+            )
+        )
+    return targets
+
+
+def _root_pose(rest: RestPose, pelvis: Target) -> tuple[FloatArray, FloatArray]:
+    """Place [m] and rotation wxyz of the root that put the pelvis where it should be at first, all joints at rest."""
+    assert pelvis.positions is not None and pelvis.rotations_wxyz is not None
+    wanted = quaternions.multiply(pelvis.rotations_wxyz[0], quaternions.conjugate(pelvis.axes_wxyz))
+    turn = quaternions.multiply(wanted, quaternions.conjugate(rest.rotations_wxyz[pelvis.bone]))
+    place = rest.positions[pelvis.bone] + quaternions.rotate(rest.rotations_wxyz[pelvis.bone], pelvis.place)
+    root = pelvis.positions[0] + quaternions.rotate(turn, rest.positions[0] - place)
+    return root, quaternions.multiply(turn, rest.rotations_wxyz[0])
+
+
+def _lifted(robot: Skeleton, configurations: FloatArray, lift: float) -> FloatArray:
+    """Configurations with the root moved up [m]; its place is counted in the axes of the robot's file."""
+    result = configurations.copy()
+    result[:, :3] += robot.model.jointPlacements[1].rotation.T @ np.array([0.0, 0.0, lift])
+    return result
+
+
+def _deviation(off: FloatArray) -> Deviation:
+    return Deviation(rms=float(np.sqrt(np.mean(off**2))), max=float(off.max()))
+
+
+def _errors(followed: Followed, source: ScaledSource) -> dict[str, Deviation]:
+    return {
+        role: _deviation(np.linalg.norm(followed.positions[role] - points, axis=1))
+        for role, points in source.points.items()
+        if role in followed.positions
+    }
+
+
+def _turns(followed: Followed, source: ScaledSource) -> dict[str, Deviation]:
+    turns = {}
+    for role in ("pelvis", "chest", "head"):
+        if role in source.rotations:
+            back = quaternions.conjugate(source.rotations[role])
+            between = quaternions.multiply(back, followed.rotations_wxyz[role])
+            turns[role] = np.linalg.norm(quaternions.to_rotation_vector(between), axis=1)
+    for role, wanted in source.directions.items():
+        along = quaternions.rotate(followed.rotations_wxyz[role], np.array([0.0, 0.0, 1.0]))
+        turns[role] = 2.0 * np.arcsin(np.clip(np.linalg.norm(along - wanted, axis=1) / 2.0, 0.0, 1.0))
+    return {role: _deviation(off) for role, off in turns.items()}
+
+
+def _hinges(robot: Skeleton) -> list[tuple[str, int, int]]:
+    """Name of each joint of one angle, with its places in a configuration and in a velocity."""
+    model = robot.model
+    return [
+        (model.names[joint], int(model.idx_qs[joint]), int(model.idx_vs[joint]))
+        for joint in range(2, model.njoints)
+        if model.nqs[joint] == model.nvs[joint] == 1
+    ]
+
+
+def _shares_at_limits(robot: Skeleton, configurations: FloatArray) -> dict[str, float]:
+    lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
+    shares = {
+        name: float(np.mean((configurations[:, q] < lower[q] + _AT_LIMIT) | (configurations[:, q] > upper[q] - _AT_LIMIT)))
+        for name, q, _ in _hinges(robot)
+    }
+    return {name: share for name, share in shares.items() if share > 0.0}
+
+
+def _shares_at_top_speed(robot: Skeleton, configurations: FloatArray, fps: float) -> dict[str, float]:
+    shares = {}
+    for name, q, v in _hinges(robot):
+        speeds = np.abs(np.diff(configurations[:, q])) * fps
+        share = float(np.mean(speeds > 0.999 * robot.model.velocityLimit[v])) if len(speeds) else 0.0
+        if share > 0.0 and robot.model.velocityLimit[v] > 0.0:
+            shares[name] = share
+    return shares
+
+
+def _sliding(foot: FloatArray, stands: NDArray[np.bool_]) -> float:
+    """Farthest way over the ground of a standing foot from where it came down [m]."""
+    ways = [
+        np.linalg.norm(foot[first : last + 1, :2] - foot[first, :2], axis=1).max()
+        for first, last in footing.runs(stands)
+    ]
+    return float(max(ways, default=0.0))
