@@ -22,6 +22,9 @@ LOW = 0.05
 BRIEF = 0.05
 """Contacts, and breaks between contacts, that are shorter [s] are noise."""
 
+RELEASE = 0.1
+"""Time [s] in which a foot is let go when it stands no longer."""
+
 _FLOOR_QUANTILE = 0.05
 _BISECTIONS = 30
 
@@ -83,6 +86,15 @@ def carry_between(corrections: FloatArray, stands: BoolArray) -> FloatArray:
     t = np.clip((frames - known[before]) / gap, 0.0, 1.0)[:, None]
     smooth = t * t * (3.0 - 2.0 * t)
     return (1.0 - smooth) * corrections[known[before]] + smooth * corrections[known[after]]
+
+
+def hold(stands: BoolArray, fps: float) -> FloatArray:
+    """How firmly a foot is held, shape (F,): 1 while it stands, falling to 0 within `RELEASE` before and after."""
+    frames, known = np.arange(len(stands)), np.flatnonzero(stands)
+    if not len(known):
+        return np.zeros(len(stands))
+    away = np.abs(frames[:, None] - known).min(axis=1) / fps
+    return np.clip(1.0 - away / RELEASE, 0.0, 1.0)
 
 
 def planted(positions: FloatArray, stands: BoolArray, height: float) -> FloatArray:

@@ -21,6 +21,9 @@ FloatArray = NDArray[np.float64]
 
 _FIRST_ITERATIONS = 200
 _ITERATIONS = 8
+_FIRST_STEP = 0.1
+"""Most that a joint moves in an iteration of the first frame [rad]: far from the solution, whole steps overshoot."""
+
 _CONVERGED = 1e-3
 """The solver has converged where a further step moves no joint by more than this [rad, m]."""
 
@@ -40,10 +43,10 @@ class Target:
         bone: index of the bone that carries the frame.
         place: origin of the frame in the bone's frame [m], shape (3,).
         axes_wxyz: axes of the frame, frame_to_bone, shape (4,).
-        positions: wanted origins in the world [m], shape (F, 3), with `position_cost` above zero.
+        positions: wanted origins in the world [m], shape (F, 3), where a place is.
         rotations_wxyz: wanted frame_to_world, shape (F, 4), where a rotation is wanted.
         directions: wanted directions of the frame's z axis, shape (F, 3), where only that axis is.
-        position_cost: cost of a metre.
+        position_costs: cost of a metre in each frame, shape (F,).
         rotation_cost: cost of a radian.
     """
 
@@ -54,7 +57,7 @@ class Target:
     positions: FloatArray | None = None
     rotations_wxyz: FloatArray | None = None
     directions: FloatArray | None = None
-    position_cost: float = 0.0
+    position_costs: FloatArray | None = None
     rotation_cost: float = 0.0
 
 
@@ -111,7 +114,7 @@ def follow(
     neutral[:7] = pin.SE3ToXYZQUAT(placement)
 
     state = pink.Configuration(model, model.createData(), neutral, copy_data=False)
-    tasks = [pink.tasks.FrameTask(_frame_name(t), t.position_cost, t.rotation_cost) for t in targets]
+    tasks = [pink.tasks.FrameTask(_frame_name(t), 0.0, t.rotation_cost) for t in targets]
     posture = pink.tasks.PostureTask(cost=_POSTURE_COST)
     limit = pink.limits.ConfigurationLimit(model, config_limit_gain=1.0)
     count = len(next(t.positions for t in targets if t.positions is not None))
@@ -121,13 +124,15 @@ def follow(
     back = 1.0 - np.exp(-1.0 / (_RECOVERY * fps))
     for frame in range(count):
         before = state.q
-        if frame:
-            model.lowerPositionLimit = np.maximum(lower, before - reach)
-            model.upperPositionLimit = np.minimum(upper, before + reach)
         posture.set_target(pin.interpolate(model, before, neutral, back))
         for target, task, index in zip(targets, tasks, frames, strict=True):
+            if target.position_costs is not None:
+                task.set_position_cost(float(target.position_costs[frame]))
             task.set_target(_wanted_pose(target, frame, state.data.oMf[index]))
         for _ in range(_ITERATIONS if frame else _FIRST_ITERATIONS):
+            origin, most = (before, reach) if frame else (state.q, _FIRST_STEP)
+            model.lowerPositionLimit = np.maximum(lower, origin - most)
+            model.upperPositionLimit = np.minimum(upper, origin + most)
             step = pink.solve_ik(state, [*tasks, posture], 1.0, "daqp", damping=_DAMPING, limits=[limit])
             q = pin.integrate(model, state.q, step)
             q[7:] = np.clip(q[7:], model.lowerPositionLimit[7:], model.upperPositionLimit[7:])

@@ -21,15 +21,18 @@ FloatArray = NDArray[np.float64]
 
 _POSITION_COSTS = {
     "pelvis": 4.0,
-    "upper_arm": 3.0,
-    "forearm": 2.0,
-    "hand": 6.0,
+    "upper_arm": 1.0,
+    "forearm": 1.0,
+    "hand": 8.0,
     "shin": 1.5,
-    "foot": 15.0,
+    "foot": 6.0,
 }
-"""Cost of a metre: feet before hands, so that what stands stays, hands before what leads to them."""
+"""Cost of a metre: feet and hands before what leads to them."""
 
-_ROTATION_COSTS = {"pelvis": 1.0, "chest": 0.7, "head": 0.3, "foot": 2.0, "hand": 0.15}
+_STANDING_COST = 40.0
+"""Cost of a metre of a foot that stands: it stays, whatever else does not."""
+
+_ROTATION_COSTS = {"pelvis": 1.5, "chest": 1.5, "head": 0.3, "foot": 2.0, "hand": 0.15}
 """Cost of a radian."""
 
 _AT_LIMIT = 1e-4
@@ -99,7 +102,7 @@ def retarget(clip: Clip, robot: Skeleton, *, roles: Mapping[str, str] | None = N
     standing = standing_axes(robot.rest)
     soles = footing.soles_of(robot, standing)
     source = scaled_source(clip, robot, soles.ankle_height, roles=roles)
-    targets = _targets(robot.rest, source, soles, standing)
+    targets = _targets(robot.rest, source, soles, standing, clip.fps)
     pelvis = next(target for target in targets if target.name == "pelvis")
     followed = follow(robot, targets, *_root_pose(robot.rest, pelvis), clip.fps)
 
@@ -130,7 +133,7 @@ def retarget(clip: Clip, robot: Skeleton, *, roles: Mapping[str, str] | None = N
     )
 
 
-def _targets(rest: RestPose, source: ScaledSource, soles: footing.Soles, standing: FloatArray) -> list[Target]:
+def _targets(rest: RestPose, source: ScaledSource, soles: footing.Soles, standing: FloatArray, fps: float) -> list[Target]:
     """What each of the robot's frames should follow."""
     points, rotations = dict(source.points), dict(source.rotations)
     axes = {role: body_axes(rest, LIMB_OF.get(role, "upper_arm")) for role in ("pelvis", "chest", "head")}
@@ -143,11 +146,14 @@ def _targets(rest: RestPose, source: ScaledSource, soles: footing.Soles, standin
         if (hand := f"{side}_hand") in source.directions:
             forearm = rest.origin(hand) - target_point(rest, f"{side}_forearm")[1]
             axes[hand] = quaternions.from_z_axis(forearm)
+    costs = {role: np.full(len(place), _POSITION_COSTS.get(_part(role), 0.0)) for role, place in points.items()}
+    for side in SIDES:
+        held = footing.hold(source.stands[side], fps)
+        costs[f"{side}_foot"] = costs[f"{side}_foot"] * (1.0 - held) + _STANDING_COST * held
     targets = []
     for role in dict.fromkeys([*points, *rotations]):
         if role.endswith("_thigh"):
             continue
-        part = role.removeprefix("left_").removeprefix("right_")
         bone, place = target_point(rest, role)
         to_bone = quaternions.conjugate(rest.rotations_wxyz[bone])
         targets.append(
@@ -159,11 +165,16 @@ def _targets(rest: RestPose, source: ScaledSource, soles: footing.Soles, standin
                 positions=points.get(role),
                 rotations_wxyz=rotations.get(role),
                 directions=source.directions.get(role),
-                position_cost=_POSITION_COSTS[part] if role in points else 0.0,
-                rotation_cost=_ROTATION_COSTS.get(part, 0.0),
+                position_costs=costs.get(role),
+                rotation_cost=_ROTATION_COSTS.get(_part(role), 0.0),
             )
         )
     return targets
+
+
+def _part(role: str) -> str:
+    """A role without its side."""
+    return role.removeprefix("left_").removeprefix("right_")
 
 
 def _root_pose(rest: RestPose, pelvis: Target) -> tuple[FloatArray, FloatArray]:
