@@ -19,10 +19,14 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-_FIRST_ITERATIONS = 200
 _ITERATIONS = 8
+"""Steps for a frame, at most."""
+
+_SETTLING = 30
+"""Times that the first frame is solved, each from the last solution, before the robot moves on."""
+
 _FIRST_STEP = 0.1
-"""Most that a joint moves in an iteration of the first frame [rad]: far from the solution, whole steps overshoot."""
+"""Most that a joint moves in a step towards the first frame [rad]: far from the solution, whole steps overshoot."""
 
 _CONVERGED = 1e-3
 """The solver has converged where a further step moves no joint by more than this [rad, m]."""
@@ -30,7 +34,8 @@ _CONVERGED = 1e-3
 _RECOVERY = 0.5
 """Joints that no target determines return to the neutral configuration with this time constant [s]."""
 
-_POSTURE_COST = 0.05
+_POSTURE_COST = 0.2
+"""Cost of a radian that a joint moves in a frame: places that ask for much movement and gain little are given up."""
 _DAMPING = 1e-4
 
 
@@ -77,7 +82,7 @@ class Followed:
 
 
 def follow(
-    robot: Skeleton, targets: Sequence[Target], first_root: FloatArray, first_wxyz: FloatArray, fps: float
+    robot: Skeleton, targets: Sequence[Target], first_root: FloatArray, first_wxyz: FloatArray, fps: float, top_speed: float
 ) -> Followed:
     """Configurations that come nearest to the targets, by weighted least squares within the robot's limits.
 
@@ -91,6 +96,7 @@ def follow(
         first_root: where the root begins in the world [m], shape (3,).
         first_wxyz: root_to_world from which it begins, shape (4,).
         fps: frames per second.
+        top_speed: of a joint, as a multiple of what the model allows, at most; infinity for any speed.
 
     Raises:
         UserError: the extra `retarget` isn't installed.
@@ -107,7 +113,7 @@ def follow(
     if model.joints[1].shortname() != "JointModelFreeFlyer":
         raise ValueRangeError("only a robot with a floating base can follow a motion; see Skeleton.from_urdf")
     frames = [_add_frame(model, target) for target in targets]
-    lower, upper, reach = _bounds(model, fps)
+    lower, upper, reach = _bounds(model, top_speed / fps)
     neutral = pin.neutral(model)
     neutral[7:] = np.clip(neutral[7:], lower[7:], upper[7:])
     placement = model.jointPlacements[1].inverse() * pin.SE3(quaternions.to_matrix(first_wxyz), first_root)
@@ -122,14 +128,14 @@ def follow(
     positions = np.empty((count, len(targets), 3))
     rotations = np.empty((count, len(targets), 3, 3))
     back = 1.0 - np.exp(-1.0 / (_RECOVERY * fps))
-    for frame in range(count):
+    for frame in [0] * _SETTLING + list(range(1, count)):
         before = state.q
         posture.set_target(pin.interpolate(model, before, neutral, back))
         for target, task, index in zip(targets, tasks, frames, strict=True):
             if target.position_costs is not None:
                 task.set_position_cost(float(target.position_costs[frame]))
             task.set_target(_wanted_pose(target, frame, state.data.oMf[index]))
-        for _ in range(_ITERATIONS if frame else _FIRST_ITERATIONS):
+        for _ in range(_ITERATIONS):
             origin, most = (before, reach) if frame else (state.q, _FIRST_STEP)
             model.lowerPositionLimit = np.maximum(lower, origin - most)
             model.upperPositionLimit = np.minimum(upper, origin + most)
@@ -164,16 +170,28 @@ def _add_frame(model: "pinocchio.Model", target: Target) -> int:
     return model.addFrame(pin.Frame(_frame_name(target), target.bone + 1, placement, pin.OP_FRAME))
 
 
-def _bounds(model: "pinocchio.Model", fps: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Lowest and highest joint positions, and how far each gets within a frame, infinite for none, shapes (nq,)."""
+def _bounds(model: "pinocchio.Model", factor: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lowest and highest joint positions, and how far each gets in a frame, infinite for any way, shapes (nq,).
+
+    Args:
+        model: of the robot.
+        factor: the way over the model's top speed [s].
+    """
     lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
     reach = np.full(model.nq, np.inf)
-    for joint in range(2, model.njoints):
-        if model.nqs[joint] == model.nvs[joint] == 1:
-            speed = model.velocityLimit[model.idx_vs[joint]]
-            if 0.0 < speed < np.inf:
-                reach[model.idx_qs[joint]] = speed / fps
+    for _, q, v in hinges(model):
+        if model.velocityLimit[v] > 0.0:
+            reach[q] = model.velocityLimit[v] * factor
     return lower, upper, reach
+
+
+def hinges(model: "pinocchio.Model") -> list[tuple[str, int, int]]:
+    """Name of each joint of one coordinate, with its places in a configuration and in a velocity."""
+    return [
+        (model.names[joint], int(model.idx_qs[joint]), int(model.idx_vs[joint]))
+        for joint in range(1, model.njoints)
+        if model.nqs[joint] == model.nvs[joint] == 1
+    ]
 
 
 def _wanted_pose(target: Target, frame: int, now: Any) -> Any:

@@ -11,7 +11,7 @@ from motions.clip import Clip
 from motions.errors import ValueRangeError
 from motions.roles import SIDES
 from skeleton import footing
-from skeleton.inverse import Followed, Target, follow
+from skeleton.inverse import Followed, Target, follow, hinges
 from skeleton.model import Skeleton
 from skeleton.rest import RestPose
 from skeleton.robot_motion import RobotMotion
@@ -78,7 +78,9 @@ class Retargeted:
     stands: Mapping[str, NDArray[np.bool_]]
 
 
-def retarget(clip: Clip, robot: Skeleton, *, roles: Mapping[str, str] | None = None) -> Retargeted:
+def retarget(
+    clip: Clip, robot: Skeleton, *, roles: Mapping[str, str] | None = None, top_speed: float = 1.0
+) -> Retargeted:
     """Make a robot move as a clip does.
 
     The clip is scaled to the robot (`skeleton.scaled_source`), its standing feet are held still and level
@@ -89,22 +91,26 @@ def retarget(clip: Clip, robot: Skeleton, *, roles: Mapping[str, str] | None = N
         clip: a motion of a body with legs and arms.
         robot: from `Skeleton.from_urdf`, with a floating base, standing level in its neutral configuration.
         roles: joint names for the clip's roles that aren't found or are found wrongly.
+        top_speed: of a joint, as a multiple of what the robot's model allows; infinity for any speed. A speed of zero in
+            the model is none.
 
     Raises:
         UnknownNameError: a shoulder or a part of a leg has no joint in the clip or in the robot, or an override's role or
             joint doesn't exist.
-        ValueRangeError: the robot is the body of a clip, or stands on a fixed base.
+        ValueRangeError: the robot is the body of a clip, or stands on a fixed base; a top speed of 0 or less.
         FileError: a mesh of the robot's feet can't be read.
         UserError: the extra `retarget` isn't installed.
     """
     if not robot.is_robot:
         raise ValueRangeError("only a robot can be retargeted to; the body of a clip moves by Skeleton.track")
+    if not top_speed > 0.0:
+        raise ValueRangeError(f"the top speed must be more than 0, not {top_speed:g}")
     standing = standing_axes(robot.rest)
     soles = footing.soles_of(robot, standing)
     source = scaled_source(clip, robot, soles.ankle_height, roles=roles)
     targets = _targets(robot.rest, source, soles, standing, clip.fps)
     pelvis = next(target for target in targets if target.name == "pelvis")
-    followed = follow(robot, targets, *_root_pose(robot.rest, pelvis), clip.fps)
+    followed = follow(robot, targets, *_root_pose(robot.rest, pelvis), clip.fps, top_speed)
 
     heights = {
         side: footing.lowest_heights(
@@ -125,7 +131,7 @@ def retarget(clip: Clip, robot: Skeleton, *, roles: Mapping[str, str] | None = N
         errors=_errors(followed, source),
         turns=_turns(followed, source),
         at_limits=_shares_at_limits(robot, configurations),
-        at_top_speed=_shares_at_top_speed(robot, configurations, clip.fps),
+        at_top_speed=_shares_at_speed(robot, configurations, clip.fps, top_speed),
         sliding=max(_sliding(followed.positions[f"{side}_foot"], source.stands[side]) for side in SIDES),
         clearance=min(float(height.min()) for height in heights.values()) + lift,
         hover=max(float((height[source.stands[side]] + lift).max(initial=0.0)) for side, height in heights.items()),
@@ -219,32 +225,25 @@ def _turns(followed: Followed, source: ScaledSource) -> dict[str, Deviation]:
     return {role: _deviation(off) for role, off in turns.items()}
 
 
-def _hinges(robot: Skeleton) -> list[tuple[str, int, int]]:
-    """Name of each joint of one angle, with its places in a configuration and in a velocity."""
-    model = robot.model
-    return [
-        (model.names[joint], int(model.idx_qs[joint]), int(model.idx_vs[joint]))
-        for joint in range(2, model.njoints)
-        if model.nqs[joint] == model.nvs[joint] == 1
-    ]
-
-
 def _shares_at_limits(robot: Skeleton, configurations: FloatArray) -> dict[str, float]:
-    lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
-    shares = {
-        name: float(np.mean((configurations[:, q] < lower[q] + _AT_LIMIT) | (configurations[:, q] > upper[q] - _AT_LIMIT)))
-        for name, q, _ in _hinges(robot)
-    }
-    return {name: share for name, share in shares.items() if share > 0.0}
-
-
-def _shares_at_top_speed(robot: Skeleton, configurations: FloatArray, fps: float) -> dict[str, float]:
+    """Shares of the frames at which joints are at a limit; those that never move have nothing to do and don't count."""
     shares = {}
-    for name, q, v in _hinges(robot):
+    for name, q, _ in hinges(robot.model):
+        positions = configurations[:, q]
+        room = np.minimum(positions - robot.model.lowerPositionLimit[q], robot.model.upperPositionLimit[q] - positions)
+        if np.ptp(positions) > _AT_LIMIT and (at_limit := room < _AT_LIMIT).any():
+            shares[name] = float(at_limit.mean())
+    return shares
+
+
+def _shares_at_speed(robot: Skeleton, configurations: FloatArray, fps: float, top_speed: float) -> dict[str, float]:
+    """Shares of the steps between frames in which joints move as fast as they may."""
+    shares = {}
+    for name, q, v in hinges(robot.model):
+        allowed = top_speed * robot.model.velocityLimit[v]
         speeds = np.abs(np.diff(configurations[:, q])) * fps
-        share = float(np.mean(speeds > 0.999 * robot.model.velocityLimit[v])) if len(speeds) else 0.0
-        if share > 0.0 and robot.model.velocityLimit[v] > 0.0:
-            shares[name] = share
+        if allowed > 0.0 and (as_fast := speeds > 0.999 * allowed).any():
+            shares[name] = float(as_fast.mean())
     return shares
 
 
