@@ -207,6 +207,18 @@ def soles_of(robot: Skeleton, standing_wxyz: FloatArray) -> Soles:
     return Soles(dict.fromkeys(feet, sole), ("soles: by proportion of the height, since the feet have no geometry",))
 
 
+def ground_points(points: FloatArray) -> FloatArray:
+    """The few points of a foot that can be its lowest, upright or tilted by up to 60 degrees, shape (Q, 3)."""
+    headings = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+    tilts = np.radians([5.0, 30.0, 60.0])
+    downwards = [
+        (np.sin(tilt) * np.cos(heading), np.sin(tilt) * np.sin(heading), -np.cos(tilt))
+        for tilt in tilts
+        for heading in headings
+    ]
+    return points[np.unique(np.argmax(points @ np.array(downwards).T, axis=0))]
+
+
 def _hull(points: FloatArray) -> FloatArray:
     import trimesh
 

@@ -34,6 +34,9 @@ _CONVERGED = 1e-3
 _RECOVERY = 0.5
 """Joints that no target determines return to the neutral configuration with this time constant [s]."""
 
+FASTEST = 30.0
+"""Speed of a joint [rad/s] that none exceeds, whatever the model allows: faster than any that walks or kicks."""
+
 _POSTURE_COST = 0.2
 """Cost of a radian that a joint moves in a frame: places that ask for much movement and gain little are given up."""
 _DAMPING = 1e-4
@@ -52,7 +55,8 @@ class Target:
         rotations_wxyz: wanted frame_to_world, shape (F, 4), where a rotation is wanted.
         directions: wanted directions of the frame's z axis, shape (F, 3), where only that axis is.
         position_costs: cost of a metre in each frame, shape (F,).
-        rotation_cost: cost of a radian.
+        rotation_costs: cost of a radian in each frame, shape (F,).
+        above_floor: points of the frame that stay above z = 0, in its axes [m], shape (P, 3).
     """
 
     name: str
@@ -63,7 +67,8 @@ class Target:
     rotations_wxyz: FloatArray | None = None
     directions: FloatArray | None = None
     position_costs: FloatArray | None = None
-    rotation_cost: float = 0.0
+    rotation_costs: FloatArray | None = None
+    above_floor: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +92,8 @@ def follow(
     """Configurations that come nearest to the targets, by weighted least squares within the robot's limits.
 
     Each frame is solved by Gauss-Newton steps from the solution of the frame before, the first from the neutral
-    configuration. A step is a quadratic program whose bounds are the joints' limits, cut to where a joint can get from
-    the frame before at the speed that the model allows; a limit of zero or infinity is none.
+    configuration. A step is a quadratic program within the joints' limits, cut to where a joint can get from the frame
+    before at its top speed (`top_speed_of`), and with the points that have to above the floor.
 
     Args:
         robot: with a root that moves freely.
@@ -96,7 +101,7 @@ def follow(
         first_root: where the root begins in the world [m], shape (3,).
         first_wxyz: root_to_world from which it begins, shape (4,).
         fps: frames per second.
-        top_speed: of a joint, as a multiple of what the model allows, at most; infinity for any speed.
+        top_speed: of a joint, as a multiple of what the model allows.
 
     Raises:
         UserError: the extra `retarget` isn't installed.
@@ -113,16 +118,21 @@ def follow(
     if model.joints[1].shortname() != "JointModelFreeFlyer":
         raise ValueRangeError("only a robot with a floating base can follow a motion; see Skeleton.from_urdf")
     frames = [_add_frame(model, target) for target in targets]
-    lower, upper, reach = _bounds(model, top_speed / fps)
+    lower, upper, reach = _bounds(model, fps, top_speed)
     neutral = pin.neutral(model)
     neutral[7:] = np.clip(neutral[7:], lower[7:], upper[7:])
     placement = model.jointPlacements[1].inverse() * pin.SE3(quaternions.to_matrix(first_wxyz), first_root)
     neutral[:7] = pin.SE3ToXYZQUAT(placement)
 
     state = pink.Configuration(model, model.createData(), neutral, copy_data=False)
-    tasks = [pink.tasks.FrameTask(_frame_name(t), 0.0, t.rotation_cost) for t in targets]
+    tasks = [pink.tasks.FrameTask(_frame_name(t), 0.0, 0.0) for t in targets]
     posture = pink.tasks.PostureTask(cost=_POSTURE_COST)
-    limit = pink.limits.ConfigurationLimit(model, config_limit_gain=1.0)
+    limits = [pink.limits.ConfigurationLimit(model, config_limit_gain=1.0)]
+    limits += [
+        _Floor(index, target.above_floor)
+        for target, index in zip(targets, frames, strict=True)
+        if target.above_floor is not None
+    ]
     count = len(next(t.positions for t in targets if t.positions is not None))
     configurations = np.empty((count, model.nq))
     positions = np.empty((count, len(targets), 3))
@@ -134,12 +144,14 @@ def follow(
         for target, task, index in zip(targets, tasks, frames, strict=True):
             if target.position_costs is not None:
                 task.set_position_cost(float(target.position_costs[frame]))
+            if target.rotation_costs is not None:
+                task.set_orientation_cost(float(target.rotation_costs[frame]))
             task.set_target(_wanted_pose(target, frame, state.data.oMf[index]))
         for _ in range(_ITERATIONS):
             origin, most = (before, reach) if frame else (state.q, _FIRST_STEP)
             model.lowerPositionLimit = np.maximum(lower, origin - most)
             model.upperPositionLimit = np.minimum(upper, origin + most)
-            step = pink.solve_ik(state, [*tasks, posture], 1.0, "daqp", damping=_DAMPING, limits=[limit])
+            step = pink.solve_ik(state, [*tasks, posture], 1.0, "daqp", damping=_DAMPING, limits=limits)
             q = pin.integrate(model, state.q, step)
             q[7:] = np.clip(q[7:], model.lowerPositionLimit[7:], model.upperPositionLimit[7:])
             state.update(q)
@@ -158,6 +170,27 @@ def follow(
     )
 
 
+class _Floor:
+    """A limit of Pink's that keeps points of a frame above z = 0: z(q) + dz/dq step >= 0."""
+
+    def __init__(self, frame: int, points: FloatArray):
+        self.frame = frame
+        self.points = points
+
+    def compute_qp_inequalities(self, configuration: Any, dt: float) -> tuple[FloatArray, FloatArray]:
+        """Matrix G, shape (P, nv), and vector h, shape (P,), of G step <= h."""
+        import pinocchio as pin
+
+        pose = configuration.data.oMf[self.frame]
+        arms = self.points @ pose.rotation.T
+        jacobian = pin.getFrameJacobian(
+            configuration.model, configuration.data, self.frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )
+        # The velocity of a point at the arm r is v + w x r, whose z is v_z + w_x r_y - w_y r_x.
+        upwards = jacobian[2] + arms[:, 1:2] * jacobian[3] - arms[:, 0:1] * jacobian[4]
+        return -upwards, pose.translation[2] + arms[:, 2]
+
+
 def _frame_name(target: Target) -> str:
     """A name that no link of a robot has, such as "pelvis" would be."""
     return f"target of {target.name}"
@@ -170,19 +203,19 @@ def _add_frame(model: "pinocchio.Model", target: Target) -> int:
     return model.addFrame(pin.Frame(_frame_name(target), target.bone + 1, placement, pin.OP_FRAME))
 
 
-def _bounds(model: "pinocchio.Model", factor: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Lowest and highest joint positions, and how far each gets in a frame, infinite for any way, shapes (nq,).
-
-    Args:
-        model: of the robot.
-        factor: the way over the model's top speed [s].
-    """
+def _bounds(model: "pinocchio.Model", fps: float, top_speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lowest and highest joint positions, and how far each gets in a frame, shapes (nq,)."""
     lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
     reach = np.full(model.nq, np.inf)
     for _, q, v in hinges(model):
-        if model.velocityLimit[v] > 0.0:
-            reach[q] = model.velocityLimit[v] * factor
+        reach[q] = top_speed_of(model, v, top_speed) / fps
     return lower, upper, reach
+
+
+def top_speed_of(model: "pinocchio.Model", velocity: int, multiple: float) -> float:
+    """Top speed of a joint [rad/s or m/s] by its place in a velocity: a multiple of the model's, at most `FASTEST`."""
+    allowed = float(model.velocityLimit[velocity])
+    return min(multiple * allowed, FASTEST) if allowed > 0.0 else FASTEST
 
 
 def hinges(model: "pinocchio.Model") -> list[tuple[str, int, int]]:

@@ -11,7 +11,7 @@ from motions.clip import Clip
 from motions.errors import ValueRangeError
 from motions.roles import SIDES
 from skeleton import footing
-from skeleton.inverse import Followed, Target, follow, hinges
+from skeleton.inverse import Followed, Target, follow, hinges, top_speed_of
 from skeleton.model import Skeleton
 from skeleton.rest import RestPose
 from skeleton.robot_motion import RobotMotion
@@ -24,7 +24,7 @@ _POSITION_COSTS = {
     "upper_arm": 1.0,
     "forearm": 1.0,
     "hand": 8.0,
-    "shin": 1.5,
+    "shin": 2.0,
     "foot": 6.0,
 }
 """Cost of a metre: feet and hands before what leads to them."""
@@ -32,8 +32,11 @@ _POSITION_COSTS = {
 _STANDING_COST = 40.0
 """Cost of a metre of a foot that stands: it stays, whatever else does not."""
 
-_ROTATION_COSTS = {"pelvis": 1.5, "chest": 1.5, "head": 0.3, "foot": 2.0, "hand": 0.15}
+_ROTATION_COSTS = {"pelvis": 1.5, "chest": 1.5, "head": 0.3, "foot": 0.3, "hand": 0.15}
 """Cost of a radian."""
+
+_LEVEL_COST = 3.0
+"""Cost of a radian of a foot that stands."""
 
 _AT_LIMIT = 1e-4
 """A joint this close to a limit [rad] is at it."""
@@ -91,8 +94,8 @@ def retarget(
         clip: a motion of a body with legs and arms.
         robot: from `Skeleton.from_urdf`, with a floating base, standing level in its neutral configuration.
         roles: joint names for the clip's roles that aren't found or are found wrongly.
-        top_speed: of a joint, as a multiple of what the robot's model allows; infinity for any speed. A speed of zero in
-            the model is none.
+        top_speed: of a joint, as a multiple of what the robot's model allows; what is more than
+            `skeleton.inverse.FASTEST` is cut to it.
 
     Raises:
         UnknownNameError: a shoulder or a part of a leg has no joint in the clip or in the robot, or an override's role or
@@ -152,16 +155,14 @@ def _targets(rest: RestPose, source: ScaledSource, soles: footing.Soles, standin
         if (hand := f"{side}_hand") in source.directions:
             forearm = rest.origin(hand) - target_point(rest, f"{side}_forearm")[1]
             axes[hand] = quaternions.from_z_axis(forearm)
-    costs = {role: np.full(len(place), _POSITION_COSTS.get(_part(role), 0.0)) for role, place in points.items()}
-    for side in SIDES:
-        held = footing.hold(source.stands[side], fps)
-        costs[f"{side}_foot"] = costs[f"{side}_foot"] * (1.0 - held) + _STANDING_COST * held
-    targets = []
+    targets, frames = [], len(points["pelvis"])
     for role in dict.fromkeys([*points, *rotations]):
         if role.endswith("_thigh"):
             continue
         bone, place = target_point(rest, role)
         to_bone = quaternions.conjugate(rest.rotations_wxyz[bone])
+        part = _part(role)
+        held = footing.hold(source.stands[role.removesuffix("_foot")], fps) if part == "foot" else np.zeros(frames)
         targets.append(
             Target(
                 role,
@@ -171,11 +172,17 @@ def _targets(rest: RestPose, source: ScaledSource, soles: footing.Soles, standin
                 positions=points.get(role),
                 rotations_wxyz=rotations.get(role),
                 directions=source.directions.get(role),
-                position_costs=costs.get(role),
-                rotation_cost=_ROTATION_COSTS.get(_part(role), 0.0),
+                position_costs=_blend(_POSITION_COSTS[part], _STANDING_COST, held) if role in points else None,
+                rotation_costs=_blend(_ROTATION_COSTS[part], _LEVEL_COST, held) if part in _ROTATION_COSTS else None,
+                above_floor=footing.ground_points(soles.points[role.removesuffix("_foot")]) if part == "foot" else None,
             )
         )
     return targets
+
+
+def _blend(cost: float, held_cost: float, held: FloatArray) -> FloatArray:
+    """Cost in each frame, shape (F,), of what is held from 0, not at all, to 1, firmly."""
+    return cost + held * (held_cost - cost)
 
 
 def _part(role: str) -> str:
@@ -240,9 +247,8 @@ def _shares_at_speed(robot: Skeleton, configurations: FloatArray, fps: float, to
     """Shares of the steps between frames in which joints move as fast as they may."""
     shares = {}
     for name, q, v in hinges(robot.model):
-        allowed = top_speed * robot.model.velocityLimit[v]
         speeds = np.abs(np.diff(configurations[:, q])) * fps
-        if allowed > 0.0 and (as_fast := speeds > 0.999 * allowed).any():
+        if (as_fast := speeds > 0.999 * top_speed_of(robot.model, v, top_speed)).any():
             shares[name] = float(as_fast.mean())
     return shares
 
