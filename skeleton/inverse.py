@@ -3,6 +3,7 @@
 # Pinocchio lies in a folder that only a .pth file puts on the path, where pyright doesn't look.
 # pyright: reportMissingImports=false
 
+import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
-from motions.errors import UserError, ValueRangeError
+from motions.errors import UserError
 from skeleton.model import Skeleton
 
 if TYPE_CHECKING:
@@ -87,13 +88,18 @@ class Followed:
 
 
 def follow(
-    robot: Skeleton, targets: Sequence[Target], first_root: FloatArray, first_wxyz: FloatArray, fps: float, top_speed: float
+    robot: Skeleton,
+    targets: Sequence[Target],
+    first_root: FloatArray,
+    first_wxyz: FloatArray,
+    fps: float,
+    top_speed: float,
 ) -> Followed:
     """Configurations that come nearest to the targets, by weighted least squares within the robot's limits.
 
     Each frame is solved by Gauss-Newton steps from the solution of the frame before, the first from the neutral
     configuration. A step is a quadratic program within the joints' limits, cut to where a joint can get from the frame
-    before at its top speed (`top_speed_of`), and with the points that have to above the floor.
+    before at its top speed (`top_speed_of`), and with the points that have to be above the floor there.
 
     Args:
         robot: with a root that moves freely.
@@ -105,18 +111,19 @@ def follow(
 
     Raises:
         UserError: the extra `retarget` isn't installed.
-        ValueRangeError: the robot's root doesn't move freely, or a joint's limits leave it no place.
     """
     try:
         import pink
+        import pink.limits
         import pink.tasks
+
+        # Pink asks for its solver by name only when it solves.
+        importlib.import_module("daqp")
     except ImportError:
         raise UserError("retargeting needs the packages pink and daqp: pip install 'cape[retarget]'") from None
     import pinocchio as pin
 
     model = robot.model.copy()
-    if model.joints[1].shortname() != "JointModelFreeFlyer":
-        raise ValueRangeError("only a robot with a floating base can follow a motion; see Skeleton.from_urdf")
     frames = [_add_frame(model, target) for target in targets]
     lower, upper, reach = _bounds(model, fps, top_speed)
     neutral = pin.neutral(model)

@@ -15,7 +15,7 @@ from skeleton.inverse import Followed, Target, follow, hinges, top_speed_of
 from skeleton.model import Skeleton
 from skeleton.rest import RestPose
 from skeleton.robot_motion import RobotMotion
-from skeleton.scaled_source import LIMB_OF, ScaledSource, body_axes, scaled_source, standing_axes, target_point
+from skeleton.scaled_source import ScaledSource, body_axes, scaled_source, standing_axes, target_point
 
 FloatArray = NDArray[np.float64]
 
@@ -40,6 +40,10 @@ _LEVEL_COST = 3.0
 
 _AT_LIMIT = 1e-4
 """A joint this close to a limit [rad] is at it."""
+
+
+_OFTEN = 0.1
+"""Share of the frames from which on it is said that a joint is at a limit."""
 
 
 @dataclass(frozen=True)
@@ -98,60 +102,69 @@ def retarget(
             `skeleton.inverse.FASTEST` is cut to it.
 
     Raises:
-        UnknownNameError: a shoulder or a part of a leg has no joint in the clip or in the robot, or an override's role or
-            joint doesn't exist.
-        ValueRangeError: the robot is the body of a clip, or stands on a fixed base; a top speed of 0 or less.
+        UnknownNameError: a shoulder or a part of a leg has no joint in the clip or in the robot, or an override's role
+            or joint doesn't exist.
+        ValueRangeError: the robot is the body of a clip, or has a fixed base; a top speed of 0 or less.
         FileError: a mesh of the robot's feet can't be read.
         UserError: the extra `retarget` isn't installed.
     """
     if not robot.is_robot:
         raise ValueRangeError("only a robot can be retargeted to; the body of a clip moves by Skeleton.track")
+    if robot.model.joints[1].shortname() != "JointModelFreeFlyer":
+        raise ValueRangeError("only a robot with a floating base can follow a clip; see Skeleton.from_urdf")
     if not top_speed > 0.0:
         raise ValueRangeError(f"the top speed must be more than 0, not {top_speed:g}")
     standing = standing_axes(robot.rest)
     soles = footing.soles_of(robot, standing)
     source = scaled_source(clip, robot, soles.ankle_height, roles=roles)
     targets = _targets(robot.rest, source, soles, standing, clip.fps)
-    pelvis = next(target for target in targets if target.name == "pelvis")
-    followed = follow(robot, targets, *_root_pose(robot.rest, pelvis), clip.fps, top_speed)
+    root = _root_pose(robot.rest, source.points["pelvis"][0], source.rotations["pelvis"][0])
+    followed = follow(robot, targets, *root, clip.fps, top_speed)
 
+    feet = {side: f"{side}_foot" for side in SIDES}
     heights = {
-        side: footing.lowest_heights(
-            followed.positions[f"{side}_foot"][:, 2], followed.rotations_wxyz[f"{side}_foot"], soles.points[side]
-        )
-        for side in SIDES
+        side: footing.lowest_heights(followed.positions[foot][:, 2], followed.rotations_wxyz[foot], soles.points[side])
+        for side, foot in feet.items()
     }
     lift = -min(float(height.min()) for height in heights.values())
     configurations = _lifted(robot, followed.configurations, lift)
+    errors = _errors(followed, source)
+    at_limits = _shares_at_limits(robot, configurations)
+    at_top_speed = _shares_at_speed(robot, configurations, clip.fps, top_speed)
     decisions = (
         f"scale: the robot's legs are {source.scale:.3f} times as long as those of the clip {clip.name!r}",
-        f"floor: the whole motion moved {'up' if lift > 0 else 'down'} by {1000 * abs(lift):.1f} mm",
+        f"floor: the whole motion moved {'up' if lift > 0.0 else 'down'} by {1000.0 * abs(lift):.1f} mm",
+        "fit: " + ", ".join(f"{part} within {100.0 * _worst(errors, part):.1f} cm" for part in ("hand", "foot")),
+        *_named("at a limit", at_limits),
+        *_named("at top speed", at_top_speed),
         *soles.decisions,
     )
     return Retargeted(
         motion=RobotMotion(clip.name, configurations, clip.times, decisions),
         scale=source.scale,
-        errors=_errors(followed, source),
+        errors=errors,
         turns=_turns(followed, source),
-        at_limits=_shares_at_limits(robot, configurations),
-        at_top_speed=_shares_at_speed(robot, configurations, clip.fps, top_speed),
-        sliding=max(_sliding(followed.positions[f"{side}_foot"], source.stands[side]) for side in SIDES),
+        at_limits=at_limits,
+        at_top_speed=at_top_speed,
+        sliding=max(_sliding(followed.positions[foot], source.stands[side]) for side, foot in feet.items()),
         clearance=min(float(height.min()) for height in heights.values()) + lift,
         hover=max(float((height[source.stands[side]] + lift).max(initial=0.0)) for side, height in heights.items()),
         stands=source.stands,
     )
 
 
-def _targets(rest: RestPose, source: ScaledSource, soles: footing.Soles, standing: FloatArray, fps: float) -> list[Target]:
+def _targets(
+    rest: RestPose, source: ScaledSource, soles: footing.Soles, standing: FloatArray, fps: float
+) -> list[Target]:
     """What each of the robot's frames should follow."""
     points, rotations = dict(source.points), dict(source.rotations)
-    axes = {role: body_axes(rest, LIMB_OF.get(role, "upper_arm")) for role in ("pelvis", "chest", "head")}
+    axes = {role: body_axes(rest, role) for role in ("pelvis", "chest", "head")}
     for side in SIDES:
         foot, stands = f"{side}_foot", source.stands[side]
         axes[foot] = standing
         points[foot] = footing.planted(points[foot], stands, soles.ankle_height)
         rotations[foot] = footing.tilted_soles(rotations[foot], points[foot][:, 2], stands, soles.points[side])
-        # The segment of a hand points where the forearm does in the rest pose: robots' hands seldom have joints of theirs.
+        # A robot's hand seldom has joints that tell its direction: at rest it is taken for the forearm's.
         if (hand := f"{side}_hand") in source.directions:
             forearm = rest.origin(hand) - target_point(rest, f"{side}_forearm")[1]
             axes[hand] = quaternions.from_z_axis(forearm)
@@ -190,13 +203,10 @@ def _part(role: str) -> str:
     return role.removeprefix("left_").removeprefix("right_")
 
 
-def _root_pose(rest: RestPose, pelvis: Target) -> tuple[FloatArray, FloatArray]:
-    """Place [m] and rotation wxyz of the root that put the pelvis where it should be at first, all joints at rest."""
-    assert pelvis.positions is not None and pelvis.rotations_wxyz is not None
-    wanted = quaternions.multiply(pelvis.rotations_wxyz[0], quaternions.conjugate(pelvis.axes_wxyz))
-    turn = quaternions.multiply(wanted, quaternions.conjugate(rest.rotations_wxyz[pelvis.bone]))
-    place = rest.positions[pelvis.bone] + quaternions.rotate(rest.rotations_wxyz[pelvis.bone], pelvis.place)
-    root = pelvis.positions[0] + quaternions.rotate(turn, rest.positions[0] - place)
+def _root_pose(rest: RestPose, pelvis: FloatArray, pelvis_wxyz: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Place [m] and rotation wxyz of the root, all joints at rest, for the middle of the hips and the pelvis's axes."""
+    turn = quaternions.multiply(pelvis_wxyz, quaternions.conjugate(body_axes(rest, "pelvis")))
+    root = pelvis + quaternions.rotate(turn, rest.positions[0] - rest.middle("thigh"))
     return root, quaternions.multiply(turn, rest.rotations_wxyz[0])
 
 
@@ -209,6 +219,21 @@ def _lifted(robot: Skeleton, configurations: FloatArray, lift: float) -> FloatAr
 
 def _deviation(off: FloatArray) -> Deviation:
     return Deviation(rms=float(np.sqrt(np.mean(off**2))), max=float(off.max()))
+
+
+def _worst(errors: Mapping[str, Deviation], part: str) -> float:
+    """Largest error of a part on either side [m]; zero where it has none."""
+    return max((error.max for role, error in errors.items() if _part(role) == part), default=0.0)
+
+
+def _named(what: str, shares: Mapping[str, float]) -> list[str]:
+    """A sentence on the joints that are held up often."""
+    often = {name: share for name, share in shares.items() if share >= _OFTEN}
+    return (
+        [f"{what}: {', '.join(f'{name} in {share:.0%} of the frames' for name, share in often.items())}"]
+        if often
+        else []
+    )
 
 
 def _errors(followed: Followed, source: ScaledSource) -> dict[str, Deviation]:

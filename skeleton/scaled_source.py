@@ -2,14 +2,16 @@
 
 The scaled source has the robot's own lengths and the source's directions, from the joints' positions in each frame:
 
-- The middle of the hips is the source's times s, the ratio of the robot's leg to the source's. Heights are counted from the
-  source's standing ankle, and the robot's standing ankle is put there instead, so a foot that stands does so on z = 0.
+- The middle of the hips is the source's times s, the ratio of the robot's leg to the source's. Heights are counted from
+  the source's standing ankle, and the robot's standing ankle is put there, so a foot that stands does so on z = 0.
 - The hips lie on the source's hip line, as far apart as the robot's.
-- The ankle is the source's seen from its hip, times s. The knee bends to the same side, with the robot's thigh and shin.
-- The line from the middle of the hips to the middle of the shoulders, the shoulder line, upper arms and forearms point where
-  the source's do.
-- Pelvis, chest, head and soles are turned as the source's are, apart from how either body holds them on average: a clip's
-  typical pose and a robot's neutral one count as the same. Soles are level on average where the source's feet stand.
+- The ankle is the source's as seen from its hip, times s. The knee bends to the same side, between the robot's thigh
+  and shin.
+- The line from the middle of the hips to the middle of the shoulders, the shoulder line, the upper arms and the forearms
+  point where the source's do.
+- Pelvis, chest, head and soles are turned as the source's are, apart from how either body holds them on average: a
+  clip's typical pose and a robot's neutral one count as the same. Soles are level on average where the source's feet
+  stand.
 """
 
 from collections.abc import Mapping
@@ -65,8 +67,8 @@ def scaled_source(
         roles: joint names for the clip's roles that aren't found or are found wrongly.
 
     Raises:
-        UnknownNameError: a shoulder or a part of a leg has no joint in the clip or in the robot, or an override's role or
-            joint doesn't exist.
+        UnknownNameError: a shoulder or a part of a leg has no joint in the clip or in the robot, or an override's role
+            or joint doesn't exist.
         ValueRangeError: a leg of the source has no length.
     """
     source = _Source(clip, roles)
@@ -115,8 +117,13 @@ def bent_joint(start: FloatArray, end: FloatArray, towards: FloatArray, upper: f
     return start + along * down + np.sqrt(np.maximum(upper**2 - along**2, 0.0)) * _unit(across)
 
 
-def body_axes(rest: RestPose, limb: str = "upper_arm") -> FloatArray:
-    """Axes (forward, left, up) of a body in its rest pose, body_to_root wxyz, left from one limb to the other, shape (4,)."""
+def body_axes(rest: RestPose, role: str) -> FloatArray:
+    """Axes (forward, left, up) of a body in its rest pose, body_to_root wxyz, shape (4,).
+
+    Up leads from the hips to the shoulders. For the pelvis left leads from hip to hip, for all else from shoulder to
+    shoulder.
+    """
+    limb = "thigh" if role == "pelvis" else "upper_arm"
     across = rest.joint(f"left_{limb}") - rest.joint(f"right_{limb}")
     left = _unit(across - across @ rest.up * rest.up)
     return quaternions.from_matrix(np.stack([np.cross(left, rest.up), left, rest.up], axis=-1))
@@ -127,8 +134,17 @@ def standing_axes(rest: RestPose) -> FloatArray:
     return _level_axes(rest.forward)
 
 
-LIMB_OF = {"pelvis": "thigh"}
-"""The limb whose two joints tell left from right for a part of the trunk; the shoulders for all others."""
+def target_point(rest: RestPose, role: str) -> tuple[int, FloatArray]:
+    """Bone of a robot that carries a role's place, and that place in the rest pose [m], shape (3,).
+
+    A limb's place is where its segment starts; that of a hand and a foot is the bone's origin, where the segment before
+    ends; that of the pelvis is the middle of the hips.
+    """
+    if role == "pelvis":
+        return rest.bone(role), rest.middle("thigh")
+    starts = role.endswith(("_upper_arm", "_forearm", "_thigh", "_shin"))
+    bone = rest.segment_start(role) if starts else rest.bone(role)
+    return bone, rest.positions[bone]
 
 
 class _Source:
@@ -160,19 +176,22 @@ class _Source:
         return role in self.roles and role in robot.roles
 
     def at(self, role: str) -> FloatArray:
+        """Places of a role's joint [m], shape (F, 3)."""
         return self.positions[:, self.rest.bone(role)]
 
     def between(self, start: str, end: str) -> FloatArray:
+        """From one role's joint to another's [m], shape (F, 3)."""
         return self.at(end) - self.at(start)
 
     def middle(self, limb: str) -> FloatArray:
+        """Half way between the joints of a limb on both sides [m], shape (F, 3)."""
         return (self.at(f"left_{limb}") + self.at(f"right_{limb}")) / 2.0
 
     def body_axes(self, role: str) -> FloatArray:
-        """Axes (forward, left, up) that turn with a role's bone and are the body's in the typical pose, shape (F, 4)."""
+        """Axes (forward, left, up) that turn with a role's bone, the body's in the typical pose, shape (F, 4)."""
         bone = self.rest.bone(role)
-        axes = body_axes(self.rest, LIMB_OF.get(role, "upper_arm"))
-        into_bone = quaternions.multiply(quaternions.conjugate(self.rest.rotations_wxyz[bone]), axes)
+        to_bone = quaternions.conjugate(self.rest.rotations_wxyz[bone])
+        into_bone = quaternions.multiply(to_bone, body_axes(self.rest, role))
         return quaternions.multiply(self.rotations[:, bone], into_bone)
 
     def sole_axes(self, role: str) -> FloatArray:
@@ -187,19 +206,19 @@ class _Source:
         level = quaternions.multiply(quaternions.conjugate(to_world), _level_axes(ahead[frames]))
         # Quaternions of opposite signs are the same rotation: all are brought to the side of the first.
         same_side = np.where(level @ level[0] < 0.0, -1.0, 1.0)[:, None]
-        return quaternions.multiply(
-            self.rotations[:, bone], quaternions.normalize((same_side * level).sum(axis=0))
-        )
+        return quaternions.multiply(self.rotations[:, bone], quaternions.normalize((same_side * level).sum(axis=0)))
 
     def hand_direction(self, role: str) -> FloatArray:
         """Unit vectors along a hand, of the forearm where the hand has no length, shape (F, 3)."""
         ahead = self._beyond(self.rest.bone(role))
         forearm = self.between(role.replace("hand", "forearm"), role)
-        has_length = np.linalg.norm(ahead, axis=1, keepdims=True) > 1e-3 * np.linalg.norm(forearm, axis=1, keepdims=True)
+        has_length = np.linalg.norm(ahead, axis=1, keepdims=True) > 1e-3 * np.linalg.norm(
+            forearm, axis=1, keepdims=True
+        )
         return _unit(np.where(has_length, ahead, forearm))
 
     def _beyond(self, bone: int) -> FloatArray:
-        """From a bone's origin to the middle of the joints and end sites below it [m], shape (F, 3); zero without any."""
+        """From a bone to the middle of the joints and end sites below it [m], shape (F, 3); zero without any."""
         inside = np.zeros(len(self.rest.bones), dtype=bool)
         inside[bone] = True
         for below in range(bone + 1, len(inside)):
@@ -214,26 +233,11 @@ class _Source:
         return points.mean(axis=1) - self.positions[:, bone]
 
 
-def _set_apart(
-    points: dict[str, FloatArray], middle: FloatArray, source: _Source, rest: RestPose, limb: str
-) -> None:
+def _set_apart(points: dict[str, FloatArray], middle: FloatArray, source: _Source, rest: RestPose, limb: str) -> None:
     """Put the joints of both sides on the source's line, as far apart as the robot's."""
     half = np.linalg.norm(rest.joint(f"left_{limb}") - rest.joint(f"right_{limb}")) / 2.0
     left = half * _unit(source.between(f"right_{limb}", f"left_{limb}"))
     points[f"left_{limb}"], points[f"right_{limb}"] = middle + left, middle - left
-
-
-def target_point(rest: RestPose, role: str) -> tuple[int, FloatArray]:
-    """Bone of a robot that carries a role's place, and that place in the rest pose [m], shape (3,)."""
-    if role == "pelvis":
-        return rest.bone(role), rest.middle("thigh")
-    if role.endswith(("_foot", "_hand")) or role not in _STARTS:
-        return rest.bone(role), rest.origin(role)
-    bone = rest.segment_start(role)
-    return bone, rest.positions[bone]
-
-
-_STARTS = tuple(f"{side}_{limb}" for side in SIDES for limb in ("upper_arm", "forearm", "thigh", "shin"))
 
 
 def _length(rest: RestPose, upper: str, lower: str) -> float:
