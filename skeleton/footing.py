@@ -136,11 +136,9 @@ def tilted_soles(rotations_wxyz: FloatArray, heights: FloatArray, stands: BoolAr
         sole: points of the foot from the ankle, in axes whose z is square to the sole [m], shape (P, 3).
     """
     level = leveled(rotations_wxyz)
-    to_level = quaternions.to_rotation_vector(
-        quaternions.multiply(level, quaternions.conjugate(quaternions.normalize(rotations_wxyz)))
-    )
-    turned = quaternions.from_rotation_vector(carry_between(to_level, stands))
-    wanted = quaternions.multiply(turned, rotations_wxyz)
+    to_level = quaternions.to_rotation_vector(quaternions.multiply(level, quaternions.conjugate(rotations_wxyz)))
+    corrections = quaternions.from_rotation_vector(carry_between(to_level, stands))
+    wanted = quaternions.multiply(corrections, rotations_wxyz)
     level = leveled(wanted)
     share, too_much = np.zeros(len(wanted)), np.ones(len(wanted))
     fits = lowest_heights(heights, wanted, sole) >= 0.0
@@ -185,8 +183,9 @@ class Soles:
 def soles_of(robot: Skeleton, standing_wxyz: FloatArray) -> Soles:
     """The undersides of a robot's feet, from their visual meshes or else from their collision shapes.
 
-    Of the vertices those are kept that are the lowest at some tilt, in steps of 5 degrees at most 10 apart: between them
-    a foot of 0.2 m is lower by less than 0.2 m (1 - cos 6 deg), 1 mm. Feet without either get a sole after `skeleton.proportions`.
+    Of the vertices those are kept that are the lowest at a tilt in steps of 5 degrees towards a heading in steps of 10.
+    Tilts between have their lowest point within 6 degrees: less than 0.2 m (1 - cos 6 deg) = 1.1 mm lower, in a foot of
+    0.2 m. Feet without meshes and shapes get a sole after `skeleton.proportions`.
 
     Args:
         robot: a robot, level on its feet in its rest pose.

@@ -134,7 +134,7 @@ def follow(
     state = pink.Configuration(model, model.createData(), neutral, copy_data=False)
     tasks = [pink.tasks.FrameTask(_frame_name(t), 0.0, 0.0) for t in targets]
     posture = pink.tasks.PostureTask(cost=_POSTURE_COST)
-    limits = [pink.limits.ConfigurationLimit(model, config_limit_gain=1.0)]
+    limits: list[Any] = [pink.limits.ConfigurationLimit(model, config_limit_gain=1.0)]
     limits += [
         _Floor(index, target.above_floor)
         for target, index in zip(targets, frames, strict=True)

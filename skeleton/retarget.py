@@ -127,7 +127,8 @@ def retarget(
         for side, foot in feet.items()
     }
     lift = -min(float(height.min()) for height in heights.values())
-    configurations = _lifted(robot, followed.configurations, lift)
+    followed = _lifted(robot, followed, lift)
+    configurations = followed.configurations
     errors = _errors(followed, source)
     at_limits = _shares_at_limits(robot, configurations)
     at_top_speed = _shares_at_speed(robot, configurations, clip.fps, top_speed)
@@ -168,14 +169,18 @@ def _targets(
         if (hand := f"{side}_hand") in source.directions:
             forearm = rest.origin(hand) - target_point(rest, f"{side}_forearm")[1]
             axes[hand] = quaternions.from_z_axis(forearm)
-    targets, frames = [], len(points["pelvis"])
+    targets = []
     for role in dict.fromkeys([*points, *rotations]):
-        if role.endswith("_thigh"):
+        part = _part(role)
+        # The pelvis holds the hips.
+        if part == "thigh":
             continue
         bone, place = target_point(rest, role)
+        held, ground = np.zeros(len(points["pelvis"])), None
+        if part == "foot":
+            side = role.removesuffix("_foot")
+            held, ground = footing.hold(source.stands[side], fps), footing.ground_points(soles.points[side])
         to_bone = quaternions.conjugate(rest.rotations_wxyz[bone])
-        part = _part(role)
-        held = footing.hold(source.stands[role.removesuffix("_foot")], fps) if part == "foot" else np.zeros(frames)
         targets.append(
             Target(
                 role,
@@ -187,7 +192,7 @@ def _targets(
                 directions=source.directions.get(role),
                 position_costs=_blend(_POSITION_COSTS[part], _STANDING_COST, held) if role in points else None,
                 rotation_costs=_blend(_ROTATION_COSTS[part], _LEVEL_COST, held) if part in _ROTATION_COSTS else None,
-                above_floor=footing.ground_points(soles.points[role.removesuffix("_foot")]) if part == "foot" else None,
+                above_floor=ground,
             )
         )
     return targets
@@ -210,11 +215,13 @@ def _root_pose(rest: RestPose, pelvis: FloatArray, pelvis_wxyz: FloatArray) -> t
     return root, quaternions.multiply(turn, rest.rotations_wxyz[0])
 
 
-def _lifted(robot: Skeleton, configurations: FloatArray, lift: float) -> FloatArray:
-    """Configurations with the root moved up [m]; its place is counted in the axes of the robot's file."""
-    result = configurations.copy()
-    result[:, :3] += robot.model.jointPlacements[1].rotation.T @ np.array([0.0, 0.0, lift])
-    return result
+def _lifted(robot: Skeleton, followed: Followed, lift: float) -> Followed:
+    """The same motion, moved up [m]; a configuration counts the root's place in the axes of the robot's file."""
+    up = np.array([0.0, 0.0, lift])
+    configurations = followed.configurations.copy()
+    configurations[:, :3] += robot.model.jointPlacements[1].rotation.T @ up
+    positions = {role: places + up for role, places in followed.positions.items()}
+    return Followed(configurations, positions, followed.rotations_wxyz)
 
 
 def _deviation(off: FloatArray) -> Deviation:
@@ -229,11 +236,8 @@ def _worst(errors: Mapping[str, Deviation], part: str) -> float:
 def _named(what: str, shares: Mapping[str, float]) -> list[str]:
     """A sentence on the joints that are held up often."""
     often = {name: share for name, share in shares.items() if share >= _OFTEN}
-    return (
-        [f"{what}: {', '.join(f'{name} in {share:.0%} of the frames' for name, share in often.items())}"]
-        if often
-        else []
-    )
+    listed = ", ".join(f"{name} in {share:.0%} of the frames" for name, share in often.items())
+    return [f"{what}: {listed}"] if often else []
 
 
 def _errors(followed: Followed, source: ScaledSource) -> dict[str, Deviation]:

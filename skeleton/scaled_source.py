@@ -7,8 +7,8 @@ The scaled source has the robot's own lengths and the source's directions, from 
 - The hips lie on the source's hip line, as far apart as the robot's.
 - The ankle is the source's as seen from its hip, times s. The knee bends to the same side, between the robot's thigh
   and shin.
-- The line from the middle of the hips to the middle of the shoulders, the shoulder line, the upper arms and the forearms
-  point where the source's do.
+- The line from the middle of the hips to the middle of the shoulders, the shoulder line, upper arms and forearms point
+  where the source's do.
 - Pelvis, chest, head and soles are turned as the source's are, apart from how either body holds them on average: a
   clip's typical pose and a robot's neutral one count as the same. Soles are level on average where the source's feet
   stand.
