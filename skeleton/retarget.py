@@ -46,6 +46,10 @@ _OFTEN = 0.1
 """Share of the frames from which on it is said that a joint is at a limit."""
 
 
+_NAMED = 4
+"""At most so many of these joints are named."""
+
+
 @dataclass(frozen=True)
 class Deviation:
     """How far the robot is off over the frames: root mean square and maximum, [m] for places, [rad] for rotations."""
@@ -234,10 +238,11 @@ def _worst(errors: Mapping[str, Deviation], part: str) -> float:
 
 
 def _named(what: str, shares: Mapping[str, float]) -> list[str]:
-    """A sentence on the joints that are held up often."""
-    often = {name: share for name, share in shares.items() if share >= _OFTEN}
-    listed = ", ".join(f"{name} in {share:.0%} of the frames" for name, share in often.items())
-    return [f"{what}: {listed}"] if often else []
+    """A sentence on the joints that are held up often, the most often first."""
+    often = sorted((name for name, share in shares.items() if share >= _OFTEN), key=lambda name: -shares[name])
+    listed = ", ".join(f"{name} in {shares[name]:.0%} of the frames" for name in often[:_NAMED])
+    more = f", and {len(often) - _NAMED} more joints" if len(often) > _NAMED else ""
+    return [f"{what}: {listed}{more}"] if often else []
 
 
 def _errors(followed: Followed, source: ScaledSource) -> dict[str, Deviation]:
