@@ -1,6 +1,9 @@
 """Clips on robots: places and directions that scale, feet that stand, joints that keep their limits."""
 
 import itertools
+# Pinocchio lies in a folder that only a .pth file puts on the path, where pyright doesn't look.
+# pyright: reportMissingImports=false
+
 import sys
 from dataclasses import replace
 from functools import cache
@@ -186,9 +189,10 @@ def test_trunk_head_and_hands_turn_as_the_sources_do():
         apart = quaternions.multiply(here, quaternions.conjugate(there))
         turned = np.linalg.norm(quaternions.to_rotation_vector(there), axis=1).max()
         off = np.linalg.norm(quaternions.to_rotation_vector(apart), axis=1).max()
-        assert off < 0.06
-        assert turned > 0.06
-        assert result.turns[role].max < 0.06
+        # A trunk that may turn by 2 rad/s lags behind a kick by a tenth of a radian at most.
+        assert off < 0.1
+        assert turned > 0.3
+        assert result.turns[role].max < 0.1
     hand = clip.end_positions()[:, clip.end_parents.tolist().index(clip.index("LeftHand"))]
     along = unit(hand - clip.world_positions()[:, clip.index("LeftHand")])
     track = body.track(result.motion, ["left_hand"])
