@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -338,6 +338,7 @@ vectors = hnp.arrays(float, (3,), elements=st.floats(-1, 1))
 
 
 @given(masks)
+@settings(deadline=None)
 def test_runs_are_the_rows_of_true_frames(mask):
     covered = np.zeros_like(mask)
     for first, last in footing.runs(mask):
@@ -348,6 +349,7 @@ def test_runs_are_the_rows_of_true_frames(mask):
 
 
 @given(st.data())
+@settings(deadline=None)
 def test_corrections_are_kept_while_standing_and_lie_between_on_the_way(data):
     stands = data.draw(masks)
     corrections = data.draw(hnp.arrays(float, (len(stands), 2), elements=st.floats(-1, 1)))
@@ -376,6 +378,7 @@ def test_a_foot_stands_where_it_is_low_and_slow():
 
 
 @given(vectors, vectors, vectors, st.floats(0.2, 1), st.floats(0.2, 1))
+@settings(deadline=None)
 def test_a_knee_keeps_the_lengths_of_the_leg(start, end, towards, upper, lower):
     distance = np.linalg.norm(end - start)
     line = (end - start) / max(distance, 1e-12)
@@ -389,6 +392,7 @@ def test_a_knee_keeps_the_lengths_of_the_leg(start, end, towards, upper, lower):
 
 
 @given(vectors, st.floats(0.0, 0.3), st.booleans())
+@settings(deadline=None)
 def test_soles_never_tilt_into_the_floor(tilt, above, stands):
     sole = np.array([[x, y, -0.08] for x in (-0.05, 0.15) for y in (-0.04, 0.04)])
     wanted = quaternions.from_rotation_vector(tilt)[None]
