@@ -3,6 +3,7 @@
 # Pinocchio and coal lie in a folder that only a .pth file puts on the path, where pyright doesn't look.
 # pyright: reportMissingImports=false
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -45,16 +46,24 @@ class LinkSurface:
     primitive: Sphere | Capsule | Box | None = None
 
 
-def link_surfaces(body: Skeleton, kind: Kind) -> tuple[LinkSurface, ...]:
-    """The pieces of all links of a robot, as seen or as meant for collisions.
+def link_surfaces(body: Skeleton, kind: Kind, *, bones: Collection[str] | None = None) -> tuple[LinkSurface, ...]:
+    """The pieces of a robot's links, as seen or as meant for collisions.
+
+    Args:
+        body: the robot.
+        kind: which of the two.
+        bones: names of the bones whose links are wanted, all by default.
 
     Raises:
         ValueRangeError: the body is no robot, so it has no links.
         FileError: a mesh is missing or can't be read; names the folders that were looked in.
     """
     model = geometry_model(body, kind)
-    names = [body.model.frames[int(solid.parentFrame)].name for solid in model.geometryObjects]
-    return tuple(_surface(body, solid, link) for solid, link in zip(model.geometryObjects, names, strict=True))
+    return tuple(
+        _surface(body, solid, body.model.frames[int(solid.parentFrame)].name)
+        for solid in model.geometryObjects
+        if bones is None or (solid.parentJoint > 0 and body.bones[solid.parentJoint - 1] in bones)
+    )
 
 
 def geometry_model(body: Skeleton, kind: Kind) -> "pinocchio.GeometryModel":

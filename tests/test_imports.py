@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 MODULES = sorted(p for package in ("motions", "skeleton", "cape") for p in (ROOT / package).rglob("*.py"))
 MOST_LINES = 450
 MAY_IMPORT = {"motions": {"motions"}, "skeleton": {"motions", "skeleton"}, "cape": {"motions", "skeleton", "cape"}}
-HEAVY = ("rerun", "pinocchio", "trimesh", "matplotlib", "typer", "rich")
+HEAVY = ("rerun", "pinocchio", "trimesh", "matplotlib", "pink", "typer", "rich")
 
 modules = pytest.mark.parametrize("module", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
 
