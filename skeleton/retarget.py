@@ -1,5 +1,6 @@
 """A clip's motion on a robot: retargeting by inverse kinematics on matched roles."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -70,7 +71,7 @@ class Retargeted:
         turns: angle between the robot's and the source's "pelvis", "chest", "head" and hands [rad]; of a hand only its
             direction counts.
         at_limits: share of the frames at which a joint is at one of its limits, by its name, those that ever are.
-        at_top_speed: share of the frames at which a joint moves as fast as the model allows, likewise.
+        at_top_speed: share of the frames at which a joint moves as fast as the model allows or faster, likewise.
         sliding: farthest that a foot gets from where it came down while it stands [m].
         clearance: height of the lowest point of the soles in the whole motion [m].
         hover: largest height of the lowest point of a standing foot's sole [m].
@@ -90,7 +91,7 @@ class Retargeted:
 
 
 def retarget(
-    clip: Clip, robot: Skeleton, *, roles: Mapping[str, str] | None = None, top_speed: float = 1.0
+    clip: Clip, robot: Skeleton, *, roles: Mapping[str, str] | None = None, top_speed: float = math.inf
 ) -> Retargeted:
     """Make a robot move as a clip does.
 
@@ -103,7 +104,8 @@ def retarget(
         robot: from `Skeleton.from_urdf`, with a floating base, standing level in its neutral configuration.
         roles: joint names for the clip's roles that aren't found or are found wrongly.
         top_speed: of a joint, as a multiple of what the robot's model allows; what is more than
-            `skeleton.inverse.FASTEST` is cut to it.
+            `skeleton.inverse.FASTEST` is cut to it. By default the robot follows as an actor would, and what it could
+            not do is told.
 
     Raises:
         UnknownNameError: a shoulder or a part of a leg has no joint in the clip or in the robot, or an override's role
@@ -278,11 +280,11 @@ def _shares_at_limits(robot: Skeleton, configurations: FloatArray) -> dict[str, 
 
 
 def _shares_at_speed(robot: Skeleton, configurations: FloatArray, fps: float, top_speed: float) -> dict[str, float]:
-    """Shares of the steps between frames in which joints move as fast as they may."""
+    """Shares of the steps between frames in which joints move as fast as they may, or as the model allows."""
     shares = {}
     for name, q, v in hinges(robot.model):
         speeds = np.abs(np.diff(configurations[:, q])) * fps
-        if (as_fast := speeds > 0.999 * top_speed_of(robot.model, v, top_speed)).any():
+        if (as_fast := speeds > 0.999 * top_speed_of(robot.model, v, min(top_speed, 1.0))).any():
             shares[name] = float(as_fast.mean())
     return shares
 

@@ -34,7 +34,7 @@ def retarget_rows(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("retargeted", f"{facts['scale']:.3f} times as large; off by, RMS and at most, {', '.join(texts)} cm"),
         ("", f"standing feet slide {facts['sliding_cm']:.1f} cm, hover {facts['hover_mm']:.1f} mm at most"),
     ]
-    for label, key in (("at their limits", "at_limits"), ("at their top speed", "at_top_speed")):
+    for label, key in (("at their limits", "at_limits"), ("as fast as the robot is or faster", "at_top_speed")):
         if shares := sorted(facts[key].items(), key=lambda item: -item[1]):
             more = f" and {len(shares) - NAMED} more" if len(shares) > NAMED else ""
             named = ", ".join(f"{joint} {share:.0%}" for joint, share in shares[:NAMED])
