@@ -109,9 +109,10 @@ def surface_points(vertices: FloatArray, triangles: NDArray[np.integer]) -> tupl
     size = float(np.linalg.norm(np.ptp(vertices, axis=0))) if len(vertices) else 0.0
     if not size > 0.0 or not len(triangles):
         raise ValueRangeError("the mesh has no area")
-    points, faces = trimesh.remesh.subdivide_to_size(vertices, triangles, _SPACING * size, max_iter=30)
+    points, faces = trimesh.remesh.subdivide_to_size(vertices, triangles, _SPACING * size, max_iter=30)[:2]
     areas = trimesh.triangles.area(points[faces])
-    weights = np.bincount(faces.ravel(), np.repeat(areas / 3.0, 3), minlength=len(points))
+    weights = np.zeros(len(points))
+    np.add.at(weights, faces.ravel(), np.repeat(areas / 3.0, 3))
     if not weights.sum() > 0.0:
         raise ValueRangeError("the mesh has no area")
     on_surface = weights > 0.0

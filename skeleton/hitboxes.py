@@ -16,6 +16,7 @@ from skeleton.measures import Bounded, signed_distance, union_volume
 from skeleton.mirror import Mirror
 from skeleton.model import Skeleton
 from skeleton.shapes import Capsule, TaperedCapsule
+from skeleton.solid_files import read_solids, write_solids
 
 FloatArray = NDArray[np.float64]
 
@@ -77,10 +78,28 @@ class Hitboxes:
     decisions: tuple[str, ...] = ()
 
     def save(self, path: str | Path) -> None:
-        """Write a TOML file to be read by people and by `load_hitboxes`; see `skeleton.hitbox_files`."""
-        from skeleton.hitbox_files import save_hitboxes
+        """Write a TOML file that people can edit and `load_hitboxes` reads: robot, solids, and remarks on their fit.
 
-        save_hitboxes(self, path)
+        Raises:
+            FileError: the file can't be written.
+        """
+        remarks = {quality.solids[0]: _remark(link, quality) for link, quality in self.qualities.items()}
+        write_solids(path, self.robot, self.solids, remarks)
+
+
+def load_hitboxes(path: str | Path, body: Skeleton | None = None) -> Hitboxes:
+    """Read hitboxes from a TOML file; see `skeleton.solid_files` for what it holds.
+
+    Args:
+        path: the file.
+        body: whose bones they have to be on; not checked by default.
+
+    Raises:
+        FileError: the file is missing or malformed, or names a bone that the body doesn't have; names the table, and
+            what it may hold.
+    """
+    robot, solids = read_solids(path, None if body is None else body.bones)
+    return Hitboxes(robot, solids)
 
 
 def hitboxes_of(
@@ -140,8 +159,8 @@ class _Fit:
         self.left_out = dict(report.left_out)
         self.qualities: dict[str, Quality] = {}
         self.mirror = Mirror.of(body)
-        self.solids_of: dict[str, tuple[Bounded, ...]] = {}
-        self.fitted: list[Link] = []
+        self.solids_of: dict[Link, tuple[Bounded, ...]] = {}
+        self.fits: dict[Link, tuple[Capsule | TaperedCapsule, ...]] = {}
 
     @property
     def solids(self) -> list[Bounded]:
@@ -158,8 +177,7 @@ class _Fit:
                 self.left_out[link.name] = reason
                 continue
             solids = self._named(link, self._solids_around(link, least_saving))
-            self.solids_of[link.name] = solids
-            self.fitted.append(link)
+            self.solids_of[link] = solids
             self.qualities[link.name] = _quality(link, solids)
 
     def _superfluous(self, link: Link) -> str | None:
@@ -168,7 +186,7 @@ class _Fit:
         if link.end_of and height is not None and link.size < _SMALL * height:
             return f"at the {link.end_of.replace('_', ' ')} and small, {1000 * link.size:.0f} mm"
         points = in_neutral_pose(self.body, link.bone, link.points)
-        near = [other for other in self.fitted if self._joints_between(link, other) <= _NEAR]
+        near = [other for other in self.solids_of if self._joints_between(link, other) <= _NEAR]
         if not near:
             return None
         distances = np.stack([self._distances(other, points) for other in near])
@@ -185,7 +203,7 @@ class _Fit:
             rest = self.body.rest
             turn = quaternions.conjugate(rest.rotations_wxyz[index])
             points = quaternions.rotate(turn, points - rest.positions[index])
-        return np.min([signed_distance(solid, points) for solid in self.solids_of[link.name]], axis=0)
+        return np.min([signed_distance(solid, points) for solid in self.solids_of[link]], axis=0)
 
     def _joints_between(self, link: Link, other: Link) -> int:
         """Number of joints on the way from one link to the other."""
@@ -201,7 +219,7 @@ class _Fit:
         return chain
 
     def _solids_around(self, link: Link, least_saving: float) -> tuple[Bounded, ...]:
-        """Primitives as they are and solids around the rest, mirrored ones where there are any."""
+        """Primitives as they are, and solids around the rest."""
         meshed = np.ones(len(link.points), bool)
         for _, first, last in link.primitives:
             meshed[first:last] = False
@@ -209,20 +227,21 @@ class _Fit:
         if not meshed.any():
             return primitives
         points, areas = link.points[meshed], link.areas[meshed]
-        if not primitives and self.mirror is not None:
-            original = self.mirror.original(link, (one for one in self.fitted if not one.primitives))
-            if original is not None:
-                solids = [self.mirror.onto(link, solid, original) for solid in self.solids_of[original.name]]
-                return _grown_to_hold(solids, points, areas, self.quantile)
-        fitted = fit_solids(
-            points,
-            weights=areas,
-            quantile=self.quantile,
-            kinds=self.kinds,
-            most=_MOST_SOLIDS,
-            least_saving=least_saving,
-        )
-        return (*primitives, *(replace(solid, bone=link.bone) for solid in fitted))
+        original = self.mirror.original(link, self.fits) if self.mirror is not None else None
+        if self.mirror is not None and original is not None:
+            image = [self.mirror.onto(link, solid, original) for solid in self.fits[original]]
+            fitted = _grown_to_hold(image, points, areas, self.quantile)
+        else:
+            fitted = fit_solids(
+                points,
+                weights=areas,
+                quantile=self.quantile,
+                kinds=self.kinds,
+                most=_MOST_SOLIDS,
+                least_saving=least_saving,
+            )
+        self.fits[link] = tuple(replace(solid, bone=link.bone) for solid in fitted)
+        return (*primitives, *self.fits[link])
 
     def _named(self, link: Link, solids: Sequence[Bounded]) -> tuple[Bounded, ...]:
         """The solids with names that none has yet."""
@@ -265,4 +284,11 @@ def _quality(link: Link, solids: Sequence[Bounded]) -> Quality:
         most=float(sticking.max()),
         p99=weighted_quantile(sticking, link.areas, 0.99),
         volume_ratio=union_volume(solids) / link.hull_volume if link.hull_volume > 0.0 else float("inf"),
+    )
+
+
+def _remark(link: str, quality: Quality) -> str:
+    return (
+        f"{link}, {quality.geometry} geometry: {quality.outside:.1%} of the surface sticks out, "
+        f"{1000.0 * quality.most:.1f} mm at most; {quality.volume_ratio:.2f} times the hull's volume"
     )

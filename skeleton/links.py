@@ -1,4 +1,4 @@
-"""The links of a robot as points on their surfaces: which geometry stands for each, and which role's main link it is."""
+"""The links of a robot as points on their surfaces: the geometry that stands for each, and the role that it plays."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

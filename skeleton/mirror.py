@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 
 _TOLERANCE = 0.001  # [m] that outlines and centres of mirrored links may be apart: a mesh's finish, not its shape
 _AREA_TOLERANCE = 0.02  # of the area, in which faces inside of a link count, too
-_DIRECTIONS = np.array([d / np.linalg.norm(d) for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
+_DIRECTIONS = np.array([np.array(d) / np.linalg.norm(d) for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
 
 
 @dataclass(frozen=True, eq=False)
