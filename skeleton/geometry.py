@@ -3,13 +3,17 @@
 # Pinocchio and coal lie in a folder that only a .pth file puts on the path, where pyright doesn't look.
 # pyright: reportMissingImports=false
 
-from dataclasses import dataclass
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.conventions import to_z_up
 from motions.errors import FileError, ValueRangeError
 from skeleton.model import Skeleton
 from skeleton.shapes import Box, Capsule, Sphere
@@ -48,13 +52,26 @@ class LinkSurface:
 def link_surfaces(body: Skeleton, kind: Kind) -> tuple[LinkSurface, ...]:
     """The pieces of all links of a robot, as seen or as meant for collisions.
 
+    Collada files say which of their axes points up. Some robots' files count on meshes being turned by it (as Gazebo
+    does), others on its being ignored (as RViz does): the meshes are turned if that brings them nearer to the joints at
+    the far ends of their links. Pinocchio ignores it, so these surfaces may differ from `geometry_model`.
+
     Raises:
         ValueRangeError: the body is no robot, so it has no links.
         FileError: a mesh is missing or can't be read; names the folders that were looked in.
     """
     model = geometry_model(body, kind)
     names = [body.model.frames[int(solid.parentFrame)].name for solid in model.geometryObjects]
-    return tuple(_surface(body, solid, link) for solid, link in zip(model.geometryObjects, names, strict=True))
+    pieces = list(zip(model.geometryObjects, names, strict=True))
+    plain = tuple(_surface(body, solid, link) for solid, link in pieces)
+    ups = [collada_up(solid.meshPath) for solid, _ in pieces]
+    if set(ups) <= {"z"}:
+        return plain
+    turned = tuple(
+        surface if up == "z" else replace(surface, vertices=_turned(surface.vertices, solid.placement, up))
+        for surface, (solid, _), up in zip(plain, pieces, ups, strict=True)
+    )
+    return min((plain, turned), key=lambda surfaces: _gaps(body, surfaces))
 
 
 def geometry_model(body: Skeleton, kind: Kind) -> "pinocchio.GeometryModel":
@@ -78,6 +95,31 @@ def geometry_model(body: Skeleton, kind: Kind) -> "pinocchio.GeometryModel":
             f"the {kind} meshes of {body.source.urdf} can't be read: {problem}; packages were looked for in "
             + ", ".join(folders)
         ) from None
+
+
+def collada_up(path: str | Path) -> str:
+    """The axis of a mesh file that points up, "x", "y" or "z": z for all but Collada files that name another."""
+    if Path(path).suffix.lower() != ".dae":
+        return "z"
+    found = re.search(r"<up_axis>\s*([XYZ])_UP", Path(path).read_text(encoding="utf-8", errors="replace"))
+    return found.group(1).lower() if found else "z"
+
+
+def _turned(vertices: FloatArray, placement: Any, up: str) -> FloatArray:
+    """Vertices of a mesh in its bone's frame, turned in the mesh's own frame so that an axis of it becomes z."""
+    own = (vertices - placement.translation) @ placement.rotation
+    return own @ to_z_up(up).T @ placement.rotation.T + placement.translation
+
+
+def _gaps(body: Skeleton, surfaces: Sequence[LinkSurface]) -> float:
+    """Sum of the distances of joints from the nearest vertex of the bones that carry them [m]."""
+    gaps = 0.0
+    for joint, parent in enumerate(body.parents.tolist(), start=1):
+        own = [s.vertices for s in surfaces if parent >= 0 and s.bone == body.bones[parent] and len(s.vertices)]
+        if own:
+            place = body.model.jointPlacements[joint].translation
+            gaps += float(np.linalg.norm(np.concatenate(own) - place, axis=1).min())
+    return gaps
 
 
 def _surface(body: Skeleton, solid: Any, link: str) -> LinkSurface:

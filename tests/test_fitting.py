@@ -1,4 +1,4 @@
-"""Capsules fitted to points: they hold what they promise and are hardly larger than need be, wherever the points are."""
+"""Capsules fitted to points: they hold what they promise and are hardly larger than they need be, anywhere."""
 
 import numpy as np
 import pytest

@@ -152,7 +152,6 @@ def test_collision_geometry_that_only_touches_the_ground_is_no_foot():
 
 def test_limbs_taper_where_that_saves_room():
     solids = named(fitted("romeo"))
-    assert isinstance(solids["left_upper_arm"], TaperedCapsule)
     assert isinstance(solids["left_shin"], TaperedCapsule)
     assert any(isinstance(solid, Capsule) for solid in solids.values())
 
@@ -161,6 +160,16 @@ def test_a_broad_chest_gets_two_capsules():
     solids = named(fitted("talos"))
     assert {"chest_1", "chest_2"} <= set(solids)
     assert "chest" not in solids
+
+
+def test_meshes_whose_file_has_another_axis_up_lie_along_their_links():
+    body, solids = body_of("icub"), named(fitted("icub"))
+    for limb, following in (("thigh", "shin"), ("shin", "foot"), ("upper_arm", "forearm")):
+        for side in ("left", "right"):
+            solid = solids[f"{side}_{limb}"]
+            ends = [into_bone(body, solid, body.rest.joint(f"{side}_{part}")) for part in (limb, following)]
+            middle = np.mean(ends, axis=0)
+            assert signed_distance(solid, middle)[0] < 0.0, solid.name
 
 
 # -- left and right --
