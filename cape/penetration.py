@@ -1,7 +1,7 @@
 """How deep the cloth of a take is in its colliders, vertices and faces, and what passed through them.
 
-Measured from the take's positions alone, with distances of its own (`cape.solids`): nothing that a solver believes
-enters into it.
+Measured from the take's positions alone, with distances of its own (`skeleton.measures`): nothing that a solver
+believes enters into it.
 """
 
 from collections.abc import Callable
@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape.colliders import Collider
-from cape.solids import core, signed_distance
+from cape.solids import core
 from cape.take import Take
 from motions import quaternions
 from motions.errors import ValueRangeError
+from skeleton.measures import signed_distance
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

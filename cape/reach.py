@@ -18,9 +18,9 @@ from cape.cloth import Cloth
 from cape.cuts import Cuts, rigid_motion
 from cape.poses import Pose, read_pose
 from cape.scene import Scene
-from cape.solids import signed_distance
 from cape.springs import springs_of
 from motions import quaternions
+from skeleton.measures import signed_distance
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]

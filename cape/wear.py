@@ -8,9 +8,9 @@ from cape.attach import Attachment
 from cape.kernels.records import Attached
 from cape.poses import Pose
 from cape.scene import Scene
-from cape.solids import signed_distance
 from motions import quaternions
 from motions.errors import ValueRangeError
+from skeleton.measures import signed_distance
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -1,7 +1,9 @@
-"""Characters: joint trees as Pinocchio models, their bones in the world, capsules around their limbs."""
+"""Characters: joint trees as Pinocchio models, their bones in the world, solids around their limbs, motions on robots."""
 
+from skeleton.collision import add_to_geometry_model
 from skeleton.configurations import column_names, load_configurations
 from skeleton.geometry import LinkSurface, link_surfaces
+from skeleton.hitboxes import Hitboxes, hitboxes_of, load_hitboxes
 from skeleton.model import Skeleton
 from skeleton.retarget import Retargeted, retarget
 from skeleton.robot_motion import RobotMotion
@@ -13,12 +15,16 @@ __all__ = [
     "ROBOTS",
     "BoneTrack",
     "Capsule",
+    "Hitboxes",
     "LinkSurface",
     "Retargeted",
     "RobotMotion",
     "Skeleton",
+    "add_to_geometry_model",
     "column_names",
+    "hitboxes_of",
     "link_surfaces",
     "load_configurations",
+    "load_hitboxes",
     "retarget",
 ]

@@ -3,14 +3,17 @@
 # Pinocchio and coal lie in a folder that only a .pth file puts on the path, where pyright doesn't look.
 # pyright: reportMissingImports=false
 
-from collections.abc import Collection
-from dataclasses import dataclass
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.conventions import to_z_up
 from motions.errors import FileError, ValueRangeError
 from skeleton.model import Skeleton
 from skeleton.shapes import Box, Capsule, Sphere
@@ -54,16 +57,25 @@ def link_surfaces(body: Skeleton, kind: Kind, *, bones: Collection[str] | None =
         kind: which of the two.
         bones: names of the bones whose links are wanted, all by default.
 
+    Collada files say which of their axes points up. Some robots' files count on meshes being turned by it (as Gazebo
+    does), others on its being ignored (as RViz does): the meshes are turned if that brings them nearer to the joints at
+    the far ends of their links. Pinocchio ignores it, so these surfaces may differ from `geometry_model`.
+
     Raises:
         ValueRangeError: the body is no robot, so it has no links.
         FileError: a mesh is missing or can't be read; names the folders that were looked in.
     """
     model = geometry_model(body, kind)
-    return tuple(
-        _surface(body, solid, body.model.frames[int(solid.parentFrame)].name)
-        for solid in model.geometryObjects
-        if bones is None or (solid.parentJoint > 0 and body.bones[solid.parentJoint - 1] in bones)
+    pieces = [(solid, collada_up(solid.meshPath)) for solid in model.geometryObjects]
+    if all(up == "z" for _, up in pieces):
+        return tuple(_surface(body, solid) for solid, _ in pieces if bones is None or _bone(body, solid) in bones)
+    plain = tuple(_surface(body, solid) for solid, _ in pieces)
+    turned = tuple(
+        surface if up == "z" else replace(surface, vertices=_turned(surface.vertices, solid.placement, up))
+        for surface, (solid, up) in zip(plain, pieces, strict=True)
     )
+    chosen = min((plain, turned), key=lambda surfaces: _gaps(body, surfaces))
+    return tuple(surface for surface in chosen if bones is None or surface.bone in bones)
 
 
 def geometry_model(body: Skeleton, kind: Kind) -> "pinocchio.GeometryModel":
@@ -89,13 +101,42 @@ def geometry_model(body: Skeleton, kind: Kind) -> "pinocchio.GeometryModel":
         ) from None
 
 
-def _surface(body: Skeleton, solid: Any, link: str) -> LinkSurface:
-    bone = body.bones[solid.parentJoint - 1] if solid.parentJoint > 0 else None
+def collada_up(path: str | Path) -> str:
+    """The axis of a mesh file that points up, "x", "y" or "z": z for all but Collada files that name another."""
+    if Path(path).suffix.lower() != ".dae":
+        return "z"
+    found = re.search(r"<up_axis>\s*([XYZ])_UP", Path(path).read_text(encoding="utf-8", errors="replace"))
+    return found.group(1).lower() if found else "z"
+
+
+def _turned(vertices: FloatArray, placement: Any, up: str) -> FloatArray:
+    """Vertices of a mesh in its bone's frame, turned in the mesh's own frame so that an axis of it becomes z."""
+    own = (vertices - placement.translation) @ placement.rotation
+    return own @ to_z_up(up).T @ placement.rotation.T + placement.translation
+
+
+def _gaps(body: Skeleton, surfaces: Sequence[LinkSurface]) -> float:
+    """Sum of the distances of joints from the nearest vertex of the bones that carry them [m]."""
+    gaps = 0.0
+    for joint, parent in enumerate(body.parents.tolist(), start=1):
+        own = [s.vertices for s in surfaces if parent >= 0 and s.bone == body.bones[parent] and len(s.vertices)]
+        if own:
+            place = body.model.jointPlacements[joint].translation
+            gaps += float(np.linalg.norm(np.concatenate(own) - place, axis=1).min())
+    return gaps
+
+
+def _bone(body: Skeleton, solid: Any) -> str | None:
+    return body.bones[solid.parentJoint - 1] if solid.parentJoint > 0 else None
+
+
+def _surface(body: Skeleton, solid: Any) -> LinkSurface:
+    bone = _bone(body, solid)
     rotation, origin = solid.placement.rotation, solid.placement.translation
     vertices, triangles = _mesh(solid.geometry)
     return LinkSurface(
         name=solid.name,
-        link=link,
+        link=body.model.frames[int(solid.parentFrame)].name,
         bone=bone,
         # Coal has scaled a mesh already as the file asks.
         vertices=vertices @ rotation.T + origin,

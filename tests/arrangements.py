@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from cape import Box, Capsule, Cloth, GridCloth, Plane, Scene, Sphere, attach, colliders
 from cape.colliders import Collider
-from cape.solids import signed_distance
 from motions import quaternions
+from skeleton.measures import signed_distance
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]

@@ -1,6 +1,6 @@
 """The judge of contact: depths of vertices and faces, and what passed through, against closed forms and brute force."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from shapes import box_distance, capsule_distance
 from takes import take_of
 
-from cape import Box, Capsule, Plane, Sphere, solids
+from cape import Box, Capsule, Plane, Sphere, TaperedCapsule
 from cape.penetration import crossings, penetration
-from cape.solids import core, signed_distance
+from cape.solids import core
 from motions import quaternions
 from motions.errors import ValueRangeError
+from skeleton.measures import signed_distance
 
 FloatArray = NDArray[np.float64]
 
@@ -29,27 +30,11 @@ sizes = st.floats(0.02, 0.4)
 turns = st.tuples(*(st.floats(-1, 1),) * 4).filter(lambda q: np.linalg.norm(q) > 0.1).map(np.array)
 
 
-@dataclass(frozen=True, eq=False)
-class Cone:
-    """What has the fields of a tapered capsule."""
-
-    name: str
-    bone: str | None
-    start: FloatArray
-    end: FloatArray
-    start_radius: float
-    end_radius: float
-    friction: float | None = None
+def cone_of(start: FloatArray, end: FloatArray, start_radius: float, end_radius: float) -> TaperedCapsule:
+    return TaperedCapsule(start=start, end=end, start_radius=start_radius, end_radius=end_radius)
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _cones():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(solids, "_Tapered", Cone)
-        yield
-
-
-def cone_distance(at: FloatArray, cone: Cone) -> FloatArray:
+def cone_distance(at: FloatArray, cone: TaperedCapsule) -> FloatArray:
     """To the nearest of all spheres between the two, found by halving: the distance is convex along the axis."""
     axis = cone.end - cone.start
 
@@ -70,8 +55,8 @@ def cone_distance(at: FloatArray, cone: Cone) -> FloatArray:
 
 @given(points, points, points, sizes, sizes)
 def test_distance_from_a_tapered_capsule(p: FloatArray, a: FloatArray, b: FloatArray, first: float, last: float):
-    cone = Cone("cone", None, a, b, first, last)
-    assert signed_distance(cone, p[None])[0] == pytest.approx(cone_distance(p[None], cone)[0], abs=1e-9)  # type: ignore
+    cone = cone_of(a, b, first, last)
+    assert signed_distance(cone, p[None])[0] == pytest.approx(cone_distance(p[None], cone)[0], abs=1e-9)
 
 
 SINE = 0.25  # of the lean of the surface between spheres of 0.5 and 0.25 m, 1 m apart
@@ -98,16 +83,16 @@ NORMAL = np.array([SINE, np.sqrt(1 - SINE**2), 0.0])
     ],
 )  # fmt: skip
 def test_a_tapered_capsule_case_by_case(point, distance: float):
-    cone = Cone("cone", None, np.zeros(3), np.array([1.0, 0.0, 0.0]), 0.5, 0.25)
-    back = Cone("cone", None, np.array([1.0, 0.0, 0.0]), np.zeros(3), 0.25, 0.5)
+    cone = cone_of(np.zeros(3), np.array([1.0, 0.0, 0.0]), 0.5, 0.25)
+    back = cone_of(np.array([1.0, 0.0, 0.0]), np.zeros(3), 0.25, 0.5)
     for solid in (cone, back):
-        assert signed_distance(solid, np.array([point]))[0] == pytest.approx(distance, abs=1e-12)  # type: ignore
+        assert signed_distance(solid, np.array([point]))[0] == pytest.approx(distance, abs=1e-12)
 
 
 def test_of_two_spheres_one_in_the_other_the_larger_counts():
     for a, b, first, last in ((0.0, 0.1, 0.5, 0.2), (0.1, 0.0, 0.2, 0.5), (0.0, 0.0, 0.5, 0.5), (0.0, 0.3, 0.5, 0.2)):
-        cone = Cone("cone", None, np.array([0.0, 0.0, a]), np.array([0.0, 0.0, b]), first, last)
-        assert signed_distance(cone, np.array([[0.0, 2.0, 0.0]]))[0] == pytest.approx(1.5, abs=1e-12)  # type: ignore
+        cone = cone_of(np.array([0.0, 0.0, a]), np.array([0.0, 0.0, b]), first, last)
+        assert signed_distance(cone, np.array([[0.0, 2.0, 0.0]]))[0] == pytest.approx(1.5, abs=1e-12)
 
 
 @given(points, points, points, sizes, st.tuples(sizes, sizes, sizes).map(np.array), turns)
@@ -138,7 +123,7 @@ def raised(height: float) -> FloatArray:
     return WIDE + np.array([0.0, 0.0, height])
 
 
-CONE = Cone("cone", None, np.array([-0.2, 0.0, 0.0]), np.array([0.2, 0.0, 0.0]), 0.12, 0.08)
+CONE = cone_of(np.array([-0.2, 0.0, 0.0]), np.array([0.2, 0.0, 0.0]), 0.12, 0.08)
 LEAN = np.arcsin(0.04 / 0.4)  # of the cone's surface
 # Where the radius of curvature is r, a sample that is `APART` from the deepest point is too shallow by this.
 CURVED = APART**2 / (2 * (RADIUS - DEPTH))
@@ -213,7 +198,7 @@ def reference_depth(solid, at: FloatArray) -> FloatArray:
         return -capsule_distance(at, solid.start, solid.end, solid.radius)
     if isinstance(solid, Box):
         return -box_distance((at - solid.center) @ matrices_of(solid.rotation_wxyz), solid.half_sizes)
-    if isinstance(solid, Cone):
+    if isinstance(solid, TaperedCapsule):
         return -cone_distance(at, solid)
     return (solid.point - at) @ solid.normal / np.linalg.norm(solid.normal)
 
@@ -225,7 +210,7 @@ def some_solid(kind: int, a: FloatArray, b: FloatArray, first: float, last: floa
         Capsule("capsule", None, a, b, first),
         Box(center=a, half_sizes=np.array([first, last, first]), rotation_wxyz=turn),
         Plane(point=a, normal=matrices_of(turn)[0]),
-        Cone("cone", None, a, b, first, last),
+        cone_of(a, b, first, last),
     )[kind]
 
 
@@ -331,7 +316,7 @@ SHAPES = {
     "capsule": LIMB,
     "sphere": Sphere(name="ball", bone="arm", radius=0.05),
     "box": Box(name="plate", bone="arm", half_sizes=np.array([0.05, 0.4, 0.4])),
-    "tapered capsule": Cone("cone", "arm", np.array([0, -0.5, 0]), np.array([0, 0.5, 0]), 0.06, 0.04),
+    "tapered capsule": replace(cone_of(np.array([0, -0.5, 0]), np.array([0, 0.5, 0]), 0.06, 0.04), bone="arm"),
 }
 
 

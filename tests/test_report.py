@@ -16,7 +16,6 @@ from cape import Simulation, Sphere, SymplecticEuler
 from cape.report import page, run
 from cape.report.accuracy import SURE, converge, error_of, window_error
 from cape.report.energy import Account, accounts
-from cape.report.files import write_text
 from cape.report.plan import Plan
 from cape.report.plot import draw, draw_energy, save_diagram, save_energy
 from cape.report.run import PARTS, Scene, forget_parts
@@ -25,6 +24,7 @@ from cape.report.trajectory import EXACT, Setting, Stage, Trajectory
 from cape.scenes import StandardScene, worn
 from cape.scenes import swing as swinging
 from motions.errors import FileError, ValueRangeError
+from motions.files import write_text
 
 FRAME = 1 / 60
 

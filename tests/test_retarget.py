@@ -19,7 +19,7 @@ import motions
 from motions import Clip, UnknownNameError, UserError, ValueRangeError, quaternions
 from skeleton import Skeleton, footing, retarget
 from skeleton.geometry import link_surfaces
-from skeleton.inverse import Followed
+from skeleton.inverse import FASTEST, Followed
 from skeleton.retarget import _lifted
 from skeleton.scaled_source import bent_joint
 

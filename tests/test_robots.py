@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from motions import quaternions
 from motions.errors import FileError, UserError, ValueRangeError
 from skeleton import ROBOTS, RobotMotion, Skeleton, column_names, link_surfaces, load_configurations
-from skeleton.geometry import geometry_model
+from skeleton.geometry import collada_up, geometry_model
 from skeleton.shapes import Box, Capsule, Sphere
 
 MASS = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -117,7 +117,7 @@ def test_surfaces_move_as_pinocchio_moves_the_geometry(name):
         bone = track.index(surface.bone)
         world = quaternions.rotate(track.rotations_wxyz[0, bone], surface.vertices) + track.positions[0, bone]
         local = (world - placed.translation) @ placed.rotation
-        if not isinstance(solid.geometry, coal.BVHModelBase):
+        if not isinstance(solid.geometry, coal.BVHModelBase) or collada_up(solid.meshPath) != "z":
             continue
         # Some files hold vertices that no triangle uses.
         triangles = [solid.geometry.tri_indices(i) for i in range(solid.geometry.num_tris)]

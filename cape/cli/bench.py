@@ -14,8 +14,8 @@ from cape.bench.rows import Row
 from cape.bench.run import LINEAR
 from cape.cli.measuring import require_folder, sections
 from cape.cli.rows import print_rows
-from cape.report.files import write_text
 from motions.errors import UserError
+from motions.files import write_text
 
 
 def bench(*, quick: bool, json: bool, output: Path | None) -> int:

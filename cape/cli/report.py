@@ -10,7 +10,6 @@ from rich.console import Console
 from cape.bench.plot import require_matplotlib
 from cape.cli.measuring import require_folder, sections
 from cape.report import page
-from cape.report.files import write_text
 from cape.report.plan import FULL, QUICK, Plan
 from cape.report.plot import save_diagram, save_energy, save_space_diagram
 from cape.report.recording import save_runs
@@ -19,6 +18,7 @@ from cape.report.sweep import Sweep
 from cape.scenes import STANDARD_SCENES
 from cape.solvers import SOLVERS
 from motions.errors import FileError, UnknownNameError, UserError
+from motions.files import write_text
 
 
 def report(*, output: Path, quick: bool, scenes: tuple[str, ...], solvers: tuple[str, ...]) -> int:

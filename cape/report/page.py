@@ -10,13 +10,13 @@ from cape.report import space
 from cape.report.accuracy import LAST
 from cape.report.cases import CASES, JITTER
 from cape.report.energy import Account
-from cape.report.files import write_text
 from cape.report.plan import ACCURACIES_MM
 from cape.report.run import Report, Scene
 from cape.report.space import Row as SpaceRow
 from cape.report.stability import DEGRADES, FAILS, GROWTH, PASSES, PATIENCE, PENETRATION, Outcome
 from cape.report.sweep import Row
 from cape.report.trajectory import WINDOW
+from motions.files import write_text
 
 ENERGY_TERMS = ("kinetic", "elastic", "potential", "attachments", "contacts", "air", "damping", "numerical")
 SIGNS = {PASSES: "\N{LARGE GREEN CIRCLE}", DEGRADES: "\N{LARGE YELLOW CIRCLE}", FAILS: "\N{LARGE RED CIRCLE}"}

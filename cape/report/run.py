@@ -14,7 +14,6 @@ from cape.report import space as spacings
 from cape.report.cases import CASES
 from cape.report.compile import compile_all
 from cape.report.energy import LONGEST, Account, accounts
-from cape.report.files import write_text
 from cape.report.plan import Plan
 from cape.report.space import Row as SpaceRow
 from cape.report.stability import Outcome, stress
@@ -22,6 +21,7 @@ from cape.report.sweep import REFERENCE_SHARE, Row, Sweep, sweep
 from cape.report.trajectory import Stage
 from cape.scenes import standard_scene
 from motions.errors import FileError
+from motions.files import write_text
 
 PARTS = ".parts"
 

@@ -15,7 +15,7 @@ def write_text(path: Path, text: str) -> None:
     partial = path.with_name(f".{os.getpid()}.part")
     try:
         try:
-            partial.write_text(text)
+            partial.write_text(text, encoding="utf-8")
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)

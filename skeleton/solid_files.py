@@ -1,0 +1,178 @@
+"""Solids in a TOML file that a person can read and edit.
+
+One table `[[solid]]` for each:
+
+    [[solid]]
+    name = "left_forearm"
+    kind = "capsule"
+    bone = "left_elbow_joint"
+    start = [0.0, 0.0, 0.0]
+    end = [0.1, 0.0, -0.01]
+    radius = 0.05
+
+Numbers are written with all of their digits, so that what is read is what was written.
+"""
+
+import json
+import math
+import tomllib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from motions.errors import FileError, UserError
+from motions.files import write_text
+from skeleton.measures import Bounded
+from skeleton.shapes import Box, Capsule, Sphere, TaperedCapsule
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """What a table of a kind of solid holds: for each key the length of its list, 0 for a single number."""
+
+    make: type[Bounded]
+    needed: Mapping[str, int]
+    optional: Mapping[str, int]
+
+    @property
+    def numbers(self) -> dict[str, int]:
+        return {**self.needed, **self.optional, "friction": 0, "thickness": 0}
+
+
+_KINDS: Mapping[str, _Kind] = {
+    "capsule": _Kind(Capsule, {"start": 3, "end": 3, "radius": 0}, {}),
+    "tapered_capsule": _Kind(TaperedCapsule, {"start": 3, "end": 3, "start_radius": 0, "end_radius": 0}, {}),
+    "sphere": _Kind(Sphere, {"center": 3, "radius": 0}, {}),
+    "box": _Kind(Box, {"center": 3, "half_sizes": 3}, {"rotation_wxyz": 4}),
+}
+_TEXTS = ("name", "kind", "bone")
+
+_HEADER = """\
+# Hitboxes of a robot: solids that move with its bones.
+# Lengths are in metres, in the frame of the bone; without a bone in the world, whose z axis points up.
+# kind is "capsule" (start, end, radius), "tapered_capsule" (start, end, start_radius, end_radius),
+# "sphere" (center, radius) or "box" (center, half_sizes, rotation_wxyz: unit quaternion box_to_bone).
+# friction (Coulomb's coefficient) and thickness (distance at which cloth is stopped) may be added to any of them.
+"""
+
+
+def write_solids(path: str | Path, robot: str, solids: Sequence[Bounded], remarks: Mapping[str, str]) -> None:
+    """Write a robot's solids; a file that is there is replaced at the end.
+
+    Args:
+        path: the file, by custom with the suffix .toml.
+        robot: its name.
+        solids: in the frames of its bones.
+        remarks: comments on solids, by name.
+
+    Raises:
+        FileError: the file can't be written.
+    """
+    tables = [_table(solid, remarks.get(solid.name)) for solid in solids]
+    write_text(Path(path), "\n".join([_HEADER, f"robot = {_text(robot)}\n", *tables]))
+
+
+def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple[str, tuple[Bounded, ...]]:
+    """A robot's name and its solids.
+
+    Args:
+        path: a file that `write_solids` wrote or a person did.
+        bones: names of the bones that there are; not checked by default.
+
+    Raises:
+        FileError: the file is missing, is no TOML, or a table in it makes no sense; names the table and what it may
+            hold.
+    """
+    try:
+        with open(path, "rb") as file:
+            content = tomllib.load(file)
+    except OSError as error:
+        raise FileError(f"can't read {path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise FileError(f"{path} is no TOML file: {error}") from None
+    _only(content, ("robot", "solid"), str(path))
+    robot, tables = content.get("robot", ""), content.get("solid", [])
+    if not isinstance(robot, str):
+        raise FileError(f"{path}: robot is a text, not {robot!r}")
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise FileError(f"{path}: solids are tables [[solid]]")
+    solids: list[Bounded] = []
+    for number, table in enumerate(tables, start=1):
+        where = f"{path}: solid {number}" + (f" ({table['name']!r})" if "name" in table else "")
+        solids.append(_solid(table, where, bones))
+        if solids[-1].name in (solid.name for solid in solids[:-1]):
+            raise FileError(f"{where}: there is a solid of that name already")
+    return robot, tuple(solids)
+
+
+def _table(solid: Bounded, remark: str | None) -> str:
+    kind = next(name for name, kind in _KINDS.items() if isinstance(solid, kind.make))
+    lines = [] if remark is None else [f"# {line}" for line in remark.splitlines()]
+    lines += ["[[solid]]", f"name = {_text(solid.name)}", f'kind = "{kind}"']
+    if solid.bone is not None:
+        lines.append(f"bone = {_text(solid.bone)}")
+    for key in _KINDS[kind].numbers:
+        value = getattr(solid, key)
+        if value is not None:
+            lines.append(f"{key} = {np.asarray(value, dtype=float).tolist()!r}")
+    return "\n".join(lines) + "\n"
+
+
+def _text(text: str) -> str:
+    """A TOML string: JSON's escapes are among TOML's, which besides wants one for DEL."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _solid(table: Mapping[str, Any], where: str, bones: Collection[str] | None) -> Bounded:
+    """The solid of a table.
+
+    Raises:
+        FileError: the table makes no sense.
+    """
+    for key in ("name", "kind"):
+        if key not in table:
+            raise FileError(f"{where} lacks {key!r}")
+    for key in _TEXTS:
+        if not isinstance(table.get(key, ""), str):
+            raise FileError(f"{where}: {key} is a text, not {table[key]!r}")
+    kind = _KINDS.get(table["kind"])
+    if kind is None:
+        raise FileError(f"{where}: no kind of solid named {table['kind']!r}; available: {', '.join(_KINDS)}")
+    _only(table, (*_TEXTS, *kind.numbers), where)
+    if missing := [key for key in kind.needed if key not in table]:
+        raise FileError(f"{where} lacks {', '.join(missing)}; a {table['kind']} has {', '.join(kind.needed)}")
+    bone = table.get("bone")
+    if bones is not None and bone is not None and bone not in bones:
+        raise FileError(f"{where}: no bone named {bone!r}; available: {', '.join(bones)}")
+    values = {key: _numbers(table[key], size, f"{where}: {key}") for key, size in kind.numbers.items() if key in table}
+    for key in ("friction", "thickness"):
+        if values.get(key, 0.0) < 0.0:
+            raise FileError(f"{where}: {key} must be zero or more, not {values[key]}")
+    try:
+        return kind.make(**{"name": table["name"], "bone": bone, **values})
+    except UserError as error:
+        raise FileError(f"{where}: {error}") from None
+
+
+def _only(table: Mapping[str, Any], known: Sequence[str], where: str) -> None:
+    if unknown := [key for key in table if key not in known]:
+        raise FileError(f"{where}: no key named {unknown[0]!r}; available: {', '.join(known)}")
+
+
+def _numbers(value: Any, size: int, where: str) -> Any:
+    """A number, or an array of so many.
+
+    Raises:
+        FileError: it is something else.
+    """
+    entries = value if size else [value]
+    if not isinstance(entries, list) or len(entries) != max(size, 1) or not all(map(_is_number, entries)):
+        raise FileError(f"{where} is {f'a list of {size} numbers' if size else 'a number'}, not {value!r}")
+    return np.array(entries, dtype=float) if size else float(value)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
