@@ -1,4 +1,4 @@
-"""Characters: joint trees as Pinocchio models, their bones in the world, solids around their limbs, motions on robots."""
+"""Characters: joint trees as Pinocchio models, bones in the world, solids around limbs, motions on robots."""
 
 from skeleton.collision import add_to_geometry_model
 from skeleton.configurations import column_names, load_configurations
