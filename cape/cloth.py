@@ -126,7 +126,6 @@ class Cloth(ABC):
         length: float = 0.6,
         flare: float = 1.5,
         spacing: float = 0.04,
-        hem_layers: float = 5.0,
         fabric: Fabric | None = None,
     ) -> "MeshCloth":
         """Cut a skirt: a cone around the Z axis, closed, from its waist at z = 0 down, without tension as it starts.
@@ -138,18 +137,15 @@ class Cloth(ABC):
             length: from the waist to the hem, along the cloth [m].
             flare: circumference of the hem divided by that of the waist; 1 for a tube.
             spacing: mean distance of neighbouring vertices [m].
-            hem_layers: layers of fabric in the sewn hem, one cell wide, on which knees would else pull thread by thread.
             fabric: what it is made of.
 
         Raises:
             ValueRangeError: a size is not positive, the spacing is too wide for the skirt, or so wide a hem would not
                 even lie flat.
         """
-        _require_positive(waist=waist, length=length, flare=flare, spacing=spacing, hem_layers=hem_layers)
+        _require_positive(waist=waist, length=length, flare=flare, spacing=spacing)
         places, triangles, folded, regions = cut.frustum(waist, length, flare, spacing)
-        layers = np.where(np.isin(triangles, regions["hem"]).any(axis=1), hem_layers, 1.0)
-        cloth = Cloth.from_mesh(places, triangles, fabric=fabric)
-        return replace(cloth, pattern=folded, layers=layers, regions=regions)
+        return replace(Cloth.from_mesh(places, triangles, fabric=fabric), pattern=folded, regions=regions)
 
     @staticmethod
     def from_mesh(
