@@ -98,7 +98,9 @@ def frustum(
     radii = girths / (2.0 * around * math.sin(math.pi / around))
     if abs(radii[-1] - radii[0]) >= length:
         widest = 1.0 + length / radii[0]
-        raise ValueRangeError(f"a skirt {length:.2f} m long can't have a flare of {flare}: less than {widest:.2f} lies flat")
+        raise ValueRangeError(
+            f"a skirt {length:.2f} m long can't have a flare of {flare}: less than {widest:.2f} lies flat"
+        )
     down = np.linspace(0.0, length, rings)
     heights = -down * math.sqrt(1.0 - ((radii[-1] - radii[0]) / length) ** 2)
     angles = 2.0 * math.pi * np.arange(around) / around

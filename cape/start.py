@@ -23,8 +23,8 @@ IN_FLOOR = 0.02  # m that a capsule may be in the floor, on which feet stand tha
 def check_start(scene: Scene, track: BoneTrack) -> tuple[Finding, ...]:
     """Find what overlaps where a scene starts, in the first frame of a motion; nothing is simulated.
 
-    A cloth that starts in a collider is pushed out of it; what a bone holds there is held at the surface instead. Capsules
-    in a plane that stands still leave no way between them.
+    A cloth that starts in a collider is pushed out of it; what a bone holds there is held at the surface instead. What
+    lies between a capsule and a plane that overlap has nowhere to go.
 
     Args:
         scene: cloth, attachments and colliders.

@@ -96,18 +96,15 @@ def too_fast(track: BoneTrack, capsules: Sequence[Capsule]) -> list[Finding]:
     return [finding for _, finding in sorted(found, key=lambda scored: -scored[0])]
 
 
-def _beyond(
-    speed: FloatArray, limit: float, verb: str, unit: str, name: str, bone: str
-) -> list[tuple[float, Finding]]:
-    """The finding that a speed of each step, shape (F - 1,), is over a limit, with how many times it is; none if not."""
+def _beyond(speed: FloatArray, limit: float, verb: str, unit: str, name: str, bone: str) -> list[tuple[float, Finding]]:
+    """The finding that speeds of steps, shape (F - 1,), exceed a limit, with by how many times; none if they don't."""
     if not len(speed) or speed.max() <= limit:
         return []
     fastest = int(speed.argmax())
     (first, last), others = run_of(speed > limit, fastest)
     frames = (first + 1, last + 1)
-    text = (
-        f"{name} {verb} at up to {speed[fastest]:.0f} {unit} {in_frames(frames, others)}; humans reach {limit:.0f} at most"
-    )
+    reached = f"{name} {verb} at up to {speed[fastest]:.0f} {unit} {in_frames(frames, others)}"
+    text = f"{reached}; humans reach {limit:.0f} at most"
     return [(speed[fastest] / limit, Finding("speed", text, float(speed[fastest]), unit, frames, (bone,)))]
 
 

@@ -53,7 +53,7 @@ def scale_doubts(track: BoneTrack, capsules: Sequence[Capsule], *, height: float
         longest = max((run for _, run in falls), key=lambda run: run[1] - run[0])
         text = (
             f"in flight the body falls at {fall:.1f} m/s2 {in_frames(longest, len(falls) - 1)}, gravity is "
-            f"{FREE_FALL}: is the unit right ({FREE_FALL / fall:.2f} times as large a body falls so), or the frame rate?"
+            f"{FREE_FALL}: is the unit right (one {FREE_FALL / fall:.2f} times as large falls so), or the frame rate?"
         )
         found.append(Finding("unit", text, fall, "m/s2", longest, ()))
     return found

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,7 @@ ROLES = {
 }
 # Half a person: pelvis at 1 m, the arm stretched to the left, the leg hanging, the ankle 0.1 m above the ground.
 PLACES = np.array(
-    [[0, 0, 1.0], [0, 0, 1.3], [0, 0.2, 1.5], [0, 0.5, 1.5], [0, 0.8, 1.5], [0, 0.1, 1.0], [0, 0.1, 0.55], [0, 0.1, 0.1]]
+    [[0, 0, 1], [0, 0, 1.3], [0, 0.2, 1.5], [0, 0.5, 1.5], [0, 0.8, 1.5], [0, 0.1, 1], [0, 0.1, 0.55], [0, 0.1, 0.1]]
 )  # fmt: skip
 
 
@@ -52,7 +53,7 @@ def person(frames: int = 60, *, shift: np.ndarray | None = None, turns: dict[str
 
 
 def foot(radius: float = 0.04) -> Capsule:
-    """From the ankle 0.06 m down and forward: its lowest point is as far above the ground as 0.04 m exceeds its radius."""
+    """From the ankle forward and 0.06 m down: with a radius of 0.04 m it touches the ground."""
     return Capsule("left_foot", "Foot", np.zeros(3), np.array([0.15, 0.0, -0.06]), radius)
 
 
@@ -74,7 +75,7 @@ segments = arrays(np.float64, (2, 2, 3), elements=coordinates)
 def nearest_by_search(a, b) -> float:
     """By golden ratios along one segment of the convex distance from the other, which a point has in closed form."""
 
-    def from_b(s):
+    def from_b(s: float) -> np.floating:
         point, axis = a[0] + s * (a[1] - a[0]), b[1] - b[0]
         square = axis @ axis
         t = np.clip((point - b[0]) @ axis / square, 0.0, 1.0) if square > 0.0 else 0.0
@@ -84,7 +85,7 @@ def nearest_by_search(a, b) -> float:
     for _ in range(100):
         first, second = (2 * low + high) / 3, (low + 2 * high) / 3
         low, high = (first, high) if from_b(first) > from_b(second) else (low, second)
-    return min(from_b(low), from_b(0.0), from_b(1.0))
+    return float(min(from_b(low), from_b(0.0), from_b(1.0)))
 
 
 @given(segments)
@@ -167,7 +168,9 @@ def test_a_frame_out_of_line_is_no_fast_motion():
 
 def test_a_fast_motion_is_no_glitch():
     # A stroke of a fifth of a second, 2,500 deg/s in its middle.
-    stroke = np.cumsum(np.where(np.abs(np.arange(60) - 30) <= 6, 2500.0 / FPS * np.cos((np.arange(60) - 30) / 4.5) ** 2, 0.0))
+    stroke = np.cumsum(
+        np.where(np.abs(np.arange(60) - 30) <= 6, 2500.0 / FPS * np.cos((np.arange(60) - 30) / 4.5) ** 2, 0.0)
+    )
     assert glitches(person(turns={"ForeArm": stroke, "Hand": stroke}), []) == []
 
 
@@ -239,16 +242,14 @@ def test_a_foot_that_never_touches_the_floor_is_named():
 
 
 def leap(gravity: float) -> np.ndarray:
-    """Stands, leaps 0.4 m high, stands [m]."""
+    """Stands, leaps 0.4 m high, stands [m], shape (120, 3)."""
     times = np.arange(120) / FPS
-    half = np.sqrt(2 * 0.4 / gravity)
-    return np.stack([0 * times, 0 * times, np.maximum(0.0, 0.4 - gravity / 2 * (times - 1.0) ** 2)], axis=1), half
+    return np.stack([0 * times, 0 * times, np.maximum(0.0, 0.4 - gravity / 2 * (times - 1.0) ** 2)], axis=1)
 
 
 @pytest.mark.parametrize(("gravity", "doubted"), [(9.81, False), (9.81 * 2.54, True), (9.81 / 2.54, True)])
 def test_a_flight_tells_of_gravity(gravity, doubted):
-    shift, _ = leap(gravity)
-    found = scale_doubts(person(120, shift=shift), [foot()])
+    found = scale_doubts(person(120, shift=leap(gravity)), [foot()])
     assert bool(found) == doubted
     if found:
         assert found[0].figure == pytest.approx(gravity, rel=1e-9)
@@ -297,7 +298,7 @@ def test_a_capsule_that_starts_in_the_floor_is_told():
 
 
 def test_a_track_without_the_bone_is_refused_by_name():
-    with pytest.raises(UnknownNameError, match="Tail.*Hips"):
+    with pytest.raises(UnknownNameError, match=r"Tail.*Hips"):
         check_motion(person(), [ball("tail", "Tail", 0.1)])
 
 
@@ -345,15 +346,14 @@ def test_info_tells_the_worst_of_each_kind_and_all_as_json(tmp_path):
         turned = quaternions.from_euler(np.radians([60.0]), "z")
         j = clip.joints.index(joint)
         rotations[frame, j] = quaternions.multiply(rotations[frame, j], turned)
-    from dataclasses import replace
-
     motions.save(replace(clip, rotations_wxyz=rotations), tmp_path / "torn.bvh")
     run = [Path(sys.executable).with_name("cape"), "info", "torn.bvh"]
     told = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
     text = " ".join(told.split())
     assert text.count("check glitch:") == 4
     assert "glitch: 2 more, see --json" in text
-    facts = json.loads(subprocess.run([*run, "--json"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout)
+    facts = json.loads(
+        subprocess.run([*run, "--json"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    )
     assert ["clip", "torn"] in facts["rows"]
-    assert [f["parts"] for f in facts["findings"] if f["kind"] == "glitch"][:1]
     assert len([f for f in facts["findings"] if f["kind"] == "glitch"]) == 5

@@ -2,6 +2,7 @@
 
 import json as jsonlib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from itertools import groupby
 
@@ -56,10 +57,8 @@ def _findings(body: Skeleton, clip: motions.Clip) -> list[Finding]:
         return []
     track = body.track(clip)
     findings = [*check_motion(track, body.capsules(), height=body.height() if "head" in body.roles else None)]
-    try:
+    with suppress(UserError):  # there is no cape then; `_cape_rows` tells why
         findings += check_start(dress(body, track), track)
-    except UserError:
-        pass  # there is no cape; `_cape_rows` tells why
     return findings
 
 

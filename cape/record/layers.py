@@ -58,9 +58,7 @@ def log_cape(
     for block in frames.blocks(2 * take.positions[0].nbytes):
         positions = take.positions[frames.numbers[block]]
         normals = vertex_normals(positions, take.triangles)
-        frames.send(
-            stream, path, rr.Mesh3D, {"vertex_positions": positions, "vertex_normals": normals}, block=block
-        )
+        frames.send(stream, path, rr.Mesh3D, {"vertex_positions": positions, "vertex_normals": normals}, block=block)
 
 
 def log_skeleton(stream: rr.RecordingStream, bones: BoneTrack, frames: Frames) -> None:
@@ -101,7 +99,7 @@ def log_plots(
     cloth: str | None = None,
     cloth_color: tuple[int, int, int] = CLOTH_COLOR,
 ) -> None:
-    """Put the curves of a take under `/plots`, below the name of its `cloth` and in its colour if it is one of several."""
+    """Put the curves of a take under `/plots`; of one of several cloths below its name, in its colour."""
     import rerun as rr
 
     curves: list[tuple[str, str, tuple[int, int, int], Any]] = [

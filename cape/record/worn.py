@@ -116,4 +116,6 @@ def _require_same_motion(first: BoneTrack, other: BoneTrack, name: str, other_na
         ]
     )
     if not same:
-        raise ValueRangeError(f"the takes {name!r} and {other_name!r} are of different motions: they need one recording each")
+        raise ValueRangeError(
+            f"the takes {name!r} and {other_name!r} are of different motions: they need one recording each"
+        )
