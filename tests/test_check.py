@@ -185,6 +185,10 @@ def test_limbs_and_pelvis_that_fly_are_named():
     positions[30:, NAMES.index("Hand"), 0] += 1.1 * FASTEST_LIMB / FPS
     thrown = BoneTrack(NAMES, track.times, positions, track.rotations_wxyz, PARENTS, ROLES)
     assert [(f.kind, f.parts) for f in check_motion(thrown)] == [("speed", ("Hand",))]
+    # Against the pelvis: a runner's own speed is not his hand's.
+    running = np.arange(60)[:, None, None] * [0.9 * FASTEST_PELVIS / FPS, 0.0, 0.0]
+    positions[30:, NAMES.index("Hand"), 0] -= 0.2 * FASTEST_LIMB / FPS
+    assert check_motion(BoneTrack(NAMES, track.times, positions + running, track.rotations_wxyz, PARENTS, ROLES)) == ()
 
 
 def test_without_parents_and_roles_nothing_is_found():
@@ -216,6 +220,12 @@ def test_crossed_limbs_are_named_with_depth_and_frames():
 def test_neighbours_and_trunks_overlap_by_construction():
     big = [ball(name, name, 0.5) for name in ("Hips", "Spine", "Arm", "Thigh")]
     assert crossings(person(), big) == []
+    # A joint that folds for a while: forearm and upper arm meet there, and the hand is near the upper arm.
+    folded = person()
+    positions = folded.positions.copy()
+    positions[20:30, NAMES.index("ForeArm")] = positions[20:30, NAMES.index("Arm")]
+    joint = [ball("left_upper_arm", "Arm", 0.1), ball("left_forearm", "ForeArm", 0.1)]
+    assert crossings(BoneTrack(NAMES, folded.times, positions, folded.rotations_wxyz, PARENTS, ROLES), joint) == []
     # Hand and hips are five bones apart with capsules: that those overlap all the time is no one's build.
     capsules = [ball(name, name, 0.1) for name in ("Spine", "Arm", "ForeArm", "Thigh")]
     stuck = [ball("left_hand", "Hand", 0.1, (0.0, -0.7, -0.5)), ball("pelvis", "Hips", 0.2), *capsules]
