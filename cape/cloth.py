@@ -4,13 +4,15 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape import cut
+from cape.colliders import UNIT_TOLERANCE
 from cape.fabric import Fabric
+from motions import quaternions
 from motions.errors import UnknownNameError, ValueRangeError
 
 FloatArray = NDArray[np.float64]
@@ -21,7 +23,7 @@ Frame = Literal["world", "wearer"]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cloth(ABC):
-    """Vertices with a flat pattern; made by `Cloth.rectangle`, `Cloth.cape` or `Cloth.from_mesh`.
+    """Vertices with a flat pattern; made by `Cloth.rectangle`, `Cloth.cape`, `Cloth.skirt` or `Cloth.from_mesh`.
 
     Attributes:
         pattern: the flat pattern, u along the weft and v down along the warp [m], shape (V, 2).
@@ -118,6 +120,34 @@ class Cloth(ABC):
         )
 
     @staticmethod
+    def skirt(
+        *,
+        waist: float = 1.2,
+        length: float = 0.6,
+        flare: float = 1.5,
+        spacing: float = 0.04,
+        fabric: Fabric | None = None,
+    ) -> "MeshCloth":
+        """Cut a skirt: a cone around the Z axis, closed, from its waist at z = 0 down, without tension as it starts.
+
+        `moved` brings it to its wearer, `attach` by its region "waist" hangs it on a bone; "hem" is the other end.
+
+        Args:
+            waist: circumference of the waist [m]; it stays a circle, so it must clear the body where that is broadest.
+            length: from the waist to the hem, along the cloth [m].
+            flare: circumference of the hem divided by that of the waist; 1 for a tube.
+            spacing: mean distance of neighbouring vertices [m].
+            fabric: what it is made of.
+
+        Raises:
+            ValueRangeError: a size is not positive, the spacing is too wide for the skirt, or so wide a hem would not
+                even lie flat.
+        """
+        _require_positive(waist=waist, length=length, flare=flare, spacing=spacing)
+        places, triangles, folded, regions = cut.frustum(waist, length, flare, spacing)
+        return replace(Cloth.from_mesh(places, triangles, fabric=fabric), pattern=folded, regions=regions)
+
+    @staticmethod
     def from_mesh(
         positions: ArrayLike,
         triangles: ArrayLike,
@@ -157,6 +187,28 @@ class Cloth(ABC):
         for array in (self.pattern, self.positions, self.neckline, *self.regions.values()):
             if array is not None:
                 array.flags.writeable = False
+
+    def moved(self, position: ArrayLike, rotation_wxyz: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> Self:
+        """The same cloth, started elsewhere: turned about the world's origin, then shifted.
+
+        Given a bone's pose it brings a cloth that was laid out in the bone's frame to where the bone is.
+
+        Args:
+            position: the shift [m], shape (3,).
+            rotation_wxyz: unit quaternion (w, x, y, z), shape (4,).
+
+        Raises:
+            ValueRangeError: a number is not finite, the quaternion is not of unit length, or the cloth starts in the
+                wearer's frame, which places it.
+        """
+        if self.frame != "world":
+            raise ValueRangeError("a cloth in the wearer's frame starts where the wearer is: it can't be moved")
+        shift, turn = np.array(position, dtype=float), np.array(rotation_wxyz, dtype=float)
+        if shift.shape != (3,) or not np.isfinite(shift).all():
+            raise ValueRangeError(f"position must be 3 finite numbers, not {position}")
+        if turn.shape != (4,) or not abs(np.linalg.norm(turn) - 1.0) < UNIT_TOLERANCE:
+            raise ValueRangeError(f"rotation_wxyz must be a quaternion of unit length, not {rotation_wxyz}")
+        return replace(self, positions=shift + quaternions.rotate(turn, self.positions))
 
     @property
     def vertices(self) -> int:

@@ -1,4 +1,4 @@
-"""How a cape is cut and worn: its flat pattern, its neckline, its sewn edges, the names of its parts."""
+"""How cloth is cut and worn: a cape's flat pattern, neckline and sewn edges, a skirt's rings, the names of parts."""
 
 import math
 
@@ -72,6 +72,52 @@ def spread_out(pattern: FloatArray) -> FloatArray:
     return np.stack(
         [back - pattern[:, 1] * math.cos(tilt), -pattern[:, 0], up - pattern[:, 1] * math.sin(tilt)], axis=1
     )
+
+
+def frustum(
+    waist: float, length: float, flare: float, spacing: float
+) -> tuple[FloatArray, NDArray[np.int64], FloatArray, dict[str, NDArray[np.int64]]]:
+    """Lay out a skirt: rings of as many vertices each, whose circumferences grow evenly from the waist to the hem.
+
+    The rings are regular polygons of the given circumferences, so that between neighbours of two rings lie flat panels
+    from waist to hem.
+
+    Returns:
+        Vertices around the Z axis, ring after ring from the waist at z = 0 down [m], shape (V, 3); triangles, outwards
+        by the right-hand rule, shape (T, 3); the skirt folded flat along its front and back [m], shape (V, 2); and the
+        regions "waist" and "hem".
+
+    Raises:
+        ValueRangeError: the spacing is too wide for the skirt, or the hem too wide for its length.
+    """
+    rings = cells(length, spacing) + 1
+    around = cells(waist * (1.0 + flare) / 2.0, spacing)
+    if rings < 3 or around < 8:
+        raise ValueRangeError(f"a spacing of {spacing:g} m is too wide for a skirt of {waist:.2f} by {length:.2f} m")
+    girths = waist * np.linspace(1.0, flare, rings)
+    radii = girths / (2.0 * around * math.sin(math.pi / around))
+    if abs(radii[-1] - radii[0]) >= length:
+        widest = 1.0 + length / radii[0]
+        raise ValueRangeError(
+            f"a skirt {length:.2f} m long can't have a flare of {flare}: less than {widest:.2f} lies flat"
+        )
+    down = np.linspace(0.0, length, rings)
+    heights = -down * math.sqrt(1.0 - ((radii[-1] - radii[0]) / length) ** 2)
+    angles = 2.0 * math.pi * np.arange(around) / around
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    places = np.concatenate([radii[:, None, None] * circle, np.tile(heights[:, None, None], (1, around, 1))], axis=2)
+    from_front = np.abs((2.0 * np.arange(around) / around + 1.0) % 2.0 - 1.0) - 0.5
+    folded = np.stack([girths[:, None] / 2.0 * from_front, np.tile(down[:, None], (1, around))], axis=2)
+    index = np.arange(rings * around).reshape(rings, around)
+    regions = {"waist": index[0].copy(), "hem": index[-1].copy()}
+    return places.reshape(-1, 3), _around(index), folded.reshape(-1, 2), regions
+
+
+def _around(index: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Two triangles in each cell of closed rings of vertices (rings, around)."""
+    upper, lower = index[:-1], index[1:]
+    next_upper, next_lower = np.roll(upper, -1, axis=1), np.roll(lower, -1, axis=1)
+    return np.stack([upper, lower, next_lower, upper, next_lower, next_upper], axis=2).reshape(-1, 3)
 
 
 def sewn_edges(rows: int, columns: int, layers: float) -> FloatArray:

@@ -79,6 +79,15 @@ def places_worn(scene: Scene, pose: Pose, positions: FloatArray) -> FloatArray:
     return worn
 
 
+def places_lifted(scene: Scene, pose: Pose, positions: FloatArray) -> FloatArray:
+    """The same with the neckline raised as far as it takes to clear the colliders [m], shape (V, 3)."""
+    worn = places_worn(scene, pose, positions)
+    if scene.cloth.neckline is not None:
+        neckline = worn[: len(scene.cloth.neckline)]
+        neckline += _lift(scene, pose, neckline)
+    return worn
+
+
 def hold_points(
     assembly: Assembly, pose: Pose, held: list[IntArray], positions: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -90,10 +99,7 @@ def hold_points(
     if attached is None:
         return np.zeros((0, 3)), np.zeros((0, 3))
     chosen = np.concatenate(held)
-    worn = places_worn(scene, pose, positions)
-    if scene.cloth.neckline is not None:
-        neckline = worn[: len(scene.cloth.neckline)]
-        neckline += _lift(scene, pose, neckline)
+    worn = places_lifted(scene, pose, positions)
     worn, spread = in_bones(attached, pose, worn[chosen]), in_bones(attached, pose, positions[chosen])
     first = 0
     for attachment, vertices in zip(scene.attachments, held, strict=True):

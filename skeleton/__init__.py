@@ -1,7 +1,9 @@
 """Characters: joint trees as Pinocchio models, bones in the world, solids around limbs, motions on robots."""
 
+from skeleton.check import check_motion
 from skeleton.collision import add_to_geometry_model
 from skeleton.configurations import column_names, load_configurations
+from skeleton.findings import Finding
 from skeleton.geometry import LinkSurface, link_surfaces
 from skeleton.hitboxes import Hitboxes, hitboxes_of, load_hitboxes
 from skeleton.model import Skeleton
@@ -15,12 +17,14 @@ __all__ = [
     "ROBOTS",
     "BoneTrack",
     "Capsule",
+    "Finding",
     "Hitboxes",
     "LinkSurface",
     "Retargeted",
     "RobotMotion",
     "Skeleton",
     "add_to_geometry_model",
+    "check_motion",
     "column_names",
     "hitboxes_of",
     "link_surfaces",

@@ -137,6 +137,26 @@ def test_a_split_grid_has_the_springs_of_the_grid(fabric: Fabric, flips: float):
     np.testing.assert_allclose(found / area, [fabric.stretch, fabric.stretch, fabric.shear, 0, 0], atol=2.0)
 
 
+@pytest.mark.parametrize("reverse", [False, True])
+def test_the_borders_of_a_split_grid_carry_half_of_what_lies_within(reverse: bool):
+    """However the vertices are numbered: of parallel sides of a cell no one may take all of its stiffness."""
+    grid = Cloth.rectangle(width=0.5, height=0.5, spacing=0.1)
+    cloth = Cloth.from_mesh(grid.positions, grid.triangles, pattern=grid.pattern)
+    if reverse:
+        cloth = reordered(cloth, np.arange(cloth.vertices)[::-1].copy())
+    springs = mesh_springs(cloth)
+    middle = (cloth.pattern[springs.first] + cloth.pattern[springs.second]) / 2.0
+    way = np.abs(cloth.pattern[springs.first] - cloth.pattern[springs.second])
+    for axis in (0, 1):
+        along = springs.measured & (way[:, 1 - axis] < 1e-9)
+        place = middle[:, 1 - axis]
+        border = along & ((place < 1e-9) | (place > 0.5 - 1e-9))
+        within = springs.stiffness[along & ~border]
+        assert within == pytest.approx(within.mean(), rel=0.1)
+        # The ridge falls by a tenth in each sweep, which is what a side that comes first may take more than its share.
+        assert springs.stiffness[border] == pytest.approx(within.mean() / 2.0, rel=0.1)
+
+
 @pytest.mark.parametrize(
     ("turn", "worst_stretch", "worst_shear"), [(0.0, 0.02, 0.16), (22.5, 0.06, 0.62), (45.0, 0.04, 0.32)]
 )

@@ -530,7 +530,7 @@ def test_a_failure_half_way_leaves_the_old_file(
     target = tmp_path / "take.rrd"
     target.write_bytes(b"what was there")
 
-    def fail(*_):
+    def fail(*_, **__):
         assert len(list(tmp_path.iterdir())) == 2, "the recording was under way"
         raise interruption
 

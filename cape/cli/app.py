@@ -202,12 +202,14 @@ def clips() -> int:
 
 
 @app.command()
-def info(clip: Clip, unit: Unit = None, up: Up = None, height: Height = None, attach: Attach = None) -> int:
+def info(
+    clip: Clip, unit: Unit = None, up: Up = None, height: Height = None, attach: Attach = None, json: Json = False
+) -> int:
     """Tell what a clip holds: joints, roles, unit, what was decided while reading, what to look at."""
     from cape.cli.character import Reading
     from cape.cli.info import run
 
-    return run(Reading(clip, unit=unit, up=up, height=height, attach=tuple(attach or ())))
+    return run(Reading(clip, unit=unit, up=up, height=height, attach=tuple(attach or ())), json=json)
 
 
 @app.command()

@@ -1,6 +1,10 @@
 """`cape info` and `cape clips`: what a clip holds, which clips there are."""
 
-from collections.abc import Mapping
+import json as jsonlib
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict
+from itertools import groupby
 
 import numpy as np
 
@@ -10,15 +14,19 @@ from cape.cli.rows import print_rows
 from cape.cuts import Cuts, seam
 from cape.dress import dress
 from cape.reach import reach_of
+from cape.start import check_start
 from motions.errors import UserError
 from motions.roles import ROLES
-from skeleton import Skeleton
+from skeleton import Finding, Skeleton, check_motion
+
+TOLD_OF_A_KIND = 3
 
 
-def run(reading: Reading) -> int:
+def run(reading: Reading, *, json: bool = False) -> int:
     """Tell what a clip holds; gives the exit status."""
     clip = reading.load_as_is()
     body = reading.body(clip)
+    findings = _findings(body, clip)
     root = clip.joints[0]
     facts = [
         ("clip", clip.name),
@@ -31,11 +39,38 @@ def run(reading: Reading) -> int:
         *(("left out", f"{name}: {reason}") for name, reason in body.capsules_left_out().items()),
         *_jump_rows(body, clip),
         *_cape_rows(body, clip),
+        *(("check", text) for text in _told(findings)),
         *(("warning", text) for text in _warnings(clip, body.roles)),
         ("joint names", ", ".join(clip.joints)),
     ]
-    print_rows(facts)
+    if json:
+        rows = [list(row) for row in facts if row[0] != "check"]
+        print(jsonlib.dumps({"rows": rows, "findings": [asdict(finding) for finding in findings]}))
+    else:
+        print_rows(facts)
     return 0
+
+
+def _findings(body: Skeleton, clip: motions.Clip) -> list[Finding]:
+    """What deserves a look in the motion, and where a cape would start."""
+    if clip.frames < 2:
+        return []
+    track = body.track(clip)
+    findings = [*check_motion(track, body.capsules(), height=body.height() if "head" in body.roles else None)]
+    with suppress(UserError):  # there is no cape then; `_cape_rows` tells why
+        findings += check_start(dress(body, track), track)
+    return findings
+
+
+def _told(findings: Sequence[Finding]) -> list[str]:
+    """The worst findings of each kind, and how many more there are."""
+    texts = []
+    for kind, group in groupby(findings, key=lambda finding: finding.kind):
+        of_kind = [f"{kind}: {finding.text}" for finding in group]
+        texts += of_kind[:TOLD_OF_A_KIND]
+        if more := len(of_kind) - TOLD_OF_A_KIND:
+            texts += [f"{kind}: {more} more, see --json"] if more > 0 else []
+    return texts
 
 
 def _jump_rows(body: Skeleton, clip: motions.Clip) -> list[tuple[str, str]]:

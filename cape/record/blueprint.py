@@ -26,7 +26,12 @@ BODY_LINE_COLOR = (120, 119, 118)  # darker, as lines are not lit
 
 
 def layout(
-    layers: Collection[str], height: float, colliders: Sequence[Collider] = (), *, tab: str = "cape"
+    layers: Collection[str],
+    height: float,
+    colliders: Sequence[Collider] = (),
+    *,
+    tab: str = "cape",
+    cloths: Sequence[str] = ("/world/cape",),
 ) -> rrb.Blueprint:
     """A view that follows the figure from behind, a second one for debugging contact a tab away, the curves below.
 
@@ -38,16 +43,18 @@ def layout(
         height: of the skeleton [m], which the views are to hold.
         colliders: that are in the layer of hitboxes.
         tab: "cape" or "hitboxes", which of the two is in front.
+        cloths: paths of the cloths.
     """
     import rerun.blueprint as rrb
 
-    scene = _scene(layers, height, colliders, tab)
+    scene = _scene(layers, height, colliders, tab, cloths)
     time = rrb.TimePanel(timeline="time", state="collapsed", play_state="playing", loop_mode="all")
     if "plots" not in layers:
         return rrb.Blueprint(scene, time, collapse_panels=True)
+    legend = rrb.PlotLegend(visible=len(cloths) > 1)
     curves = rrb.Horizontal(
         *(
-            rrb.TimeSeriesView(origin=f"/plots/{entity}", name=title, plot_legend=rrb.PlotLegend(visible=False))
+            rrb.TimeSeriesView(origin=f"/plots/{entity}", name=title, plot_legend=legend)
             for entity, title in [
                 ("stretch", "largest stretch [%]"),
                 ("penetration", "deepest penetration [mm]"),
@@ -58,31 +65,33 @@ def layout(
     return rrb.Blueprint(rrb.Vertical(scene, curves, row_shares=[4, 1]), time, collapse_panels=True)
 
 
-def _scene(layers: Collection[str], height: float, colliders: Sequence[Collider], tab: str) -> rrb.View | rrb.Container:
+def _scene(
+    layers: Collection[str], height: float, colliders: Sequence[Collider], tab: str, cloths: Sequence[str]
+) -> rrb.View | rrb.Container:
     import rerun.blueprint as rrb
 
     debugging = [layer for layer in ("hitboxes", "shells", "contacts") if layer in layers]
     if "cape" not in layers:
         return _view("hitboxes" if debugging else "scene", height, overrides=labelled(colliders))
     if not debugging:
-        return _view("cape", height, overrides=_two_sided())
+        return _view("cape", height, overrides=_two_sided(cloths))
     hidden = ["/world/shells", "/world/contacts", *plane_paths(colliders)]
     body = _unseen("/world/hitboxes", "/world/colliders", "/world/skeleton") if "robot" in layers else _mannequin()
     return rrb.Tabs(
-        _view("cape", height, overrides=_two_sided() | body, hidden=hidden),
-        _view("hitboxes", height, overrides=labelled(colliders) | _two_sided(SEE_THROUGH)),
+        _view("cape", height, overrides=_two_sided(cloths) | body, hidden=hidden),
+        _view("hitboxes", height, overrides=labelled(colliders) | _two_sided(cloths, SEE_THROUGH)),
         active_tab=tab,
     )
 
 
-def _two_sided(opacity: int = 255) -> Overrides:
-    """Draw one mesh twice, its back with the lining: a second mesh for the lining would double the file."""
+def _two_sided(cloths: Sequence[str], opacity: int = 255) -> Overrides:
+    """Draw each mesh twice, its back with the lining: a second mesh for the lining would double the file."""
     import rerun as rr
 
     tint: dict[str, Any] = {} if opacity == 255 else {"albedo_factor": (255, 255, 255, opacity)}
     outside = rr.Mesh3D.from_fields(face_rendering="Front", **tint)
     lining = rr.Mesh3D.from_fields(face_rendering="Back", **tint, **albedo(plain(LINING_COLOR)))
-    return {"/world/cape": [outside.visualizer(), lining.visualizer()]}
+    return {path: [outside.visualizer(), lining.visualizer()] for path in cloths}
 
 
 def _mannequin() -> Overrides:

@@ -28,27 +28,29 @@ def log_contacts(
     colliders: Sequence[Collider],
     thicknesses: NDArray[np.float64],
     frames: Frames,
+    *,
+    path: str = "/world/contacts",
 ) -> None:
-    """Put points on `/world/contacts/points`, their class the collider, and normals on `/world/contacts/normals`."""
+    """Put points on `/points` below the path, their class the collider, and normals on `/normals`."""
     import rerun as rr
 
     names = [rr.AnnotationInfo(id=index, label=collider.name) for index, collider in enumerate(colliders)]
-    send_once(stream, "/world/contacts", rr.AnnotationContext(names))
+    send_once(stream, path, rr.AnnotationContext(names))
     send_once(
         stream,
-        "/world/contacts/points",
+        f"{path}/points",
         rr.Points3D.from_fields(radii=rr.Radius.ui_points(POINT_SIZE), show_labels=False),
     )
     arrows = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=ARROW_COLOR, show_labels=False)
-    send_once(stream, "/world/contacts/normals", arrows)
+    send_once(stream, f"{path}/normals", arrows)
     size = BYTES_PER_CONTACT * int(contacts.counts.max(initial=0))
     for block in frames.blocks(size):
         some = contacts.select(frames.numbers[block])
         colors = depth_colors(some.depths, thicknesses[some.colliders])
         points = {"positions": some.points, "colors": colors, "class_ids": some.colliders.astype(np.uint16)}
-        frames.send(stream, "/world/contacts/points", rr.Points3D, points, block=block, counts=some.counts)
+        frames.send(stream, f"{path}/points", rr.Points3D, points, block=block, counts=some.counts)
         normals = {"origins": some.points, "vectors": ARROW_LENGTH * some.normals}
-        frames.send(stream, "/world/contacts/normals", rr.Arrows3D, normals, block=block, counts=some.counts)
+        frames.send(stream, f"{path}/normals", rr.Arrows3D, normals, block=block, counts=some.counts)
 
 
 def depth_colors(depths: NDArray[np.float32], thicknesses: NDArray[np.float64]) -> NDArray[np.uint8]:

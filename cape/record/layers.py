@@ -23,6 +23,7 @@ FloatArray = NDArray[np.float64]
 
 LAYERS = ("cape", "robot", "skeleton", "hitboxes", "shells", "contacts", "floor", "plots")
 CLOTH_COLOR = (190, 22, 48)
+OTHER_CLOTH_COLORS = ((38, 84, 148), (52, 120, 76), (150, 96, 30), (104, 58, 132))  # of more cloths on one character
 BONE_COLOR = (225, 230, 238)
 BONE_RADIUS = 0.012  # [m], thin enough to be seen as a line inside a forearm's capsule
 
@@ -38,27 +39,26 @@ def check_layers(layers: Iterable[str] | None, available: Sequence[str] = LAYERS
     return tuple(layer for layer in available if layer in asked)
 
 
-def log_cape(stream: rr.RecordingStream, take: Take, frames: Frames) -> None:
-    """Put the cloth on `/world/cape`: the texture of its outside on both sides; the blueprint draws the lining."""
+def log_cape(
+    stream: rr.RecordingStream,
+    take: Take,
+    frames: Frames,
+    *,
+    path: str = "/world/cape",
+    color: tuple[int, int, int] = CLOTH_COLOR,
+) -> None:
+    """Put the cloth on its path: the texture of its outside on both sides; the blueprint draws the lining."""
     import rerun as rr
 
     send_once(
         stream,
-        "/world/cape",
-        rr.Mesh3D.from_fields(
-            triangle_indices=take.triangles, vertex_texcoords=take.texcoords, **albedo(woven(CLOTH_COLOR))
-        ),
+        path,
+        rr.Mesh3D.from_fields(triangle_indices=take.triangles, vertex_texcoords=take.texcoords, **albedo(woven(color))),
     )
     for block in frames.blocks(2 * take.positions[0].nbytes):
         positions = take.positions[frames.numbers[block]]
         normals = vertex_normals(positions, take.triangles)
-        frames.send(
-            stream,
-            "/world/cape",
-            rr.Mesh3D,
-            {"vertex_positions": positions, "vertex_normals": normals},
-            block=block,
-        )
+        frames.send(stream, path, rr.Mesh3D, {"vertex_positions": positions, "vertex_normals": normals}, block=block)
 
 
 def log_skeleton(stream: rr.RecordingStream, bones: BoneTrack, frames: Frames) -> None:
@@ -91,8 +91,15 @@ def drawn_links(bones: BoneTrack) -> NDArray[np.int64]:
     return pairs[np.nanmax(lengths, axis=0, initial=0.0) > 1e-6]
 
 
-def log_plots(stream: rr.RecordingStream, take: Take, frames: Frames) -> None:
-    """Put the curves of a take under `/plots`."""
+def log_plots(
+    stream: rr.RecordingStream,
+    take: Take,
+    frames: Frames,
+    *,
+    cloth: str | None = None,
+    cloth_color: tuple[int, int, int] = CLOTH_COLOR,
+) -> None:
+    """Put the curves of a take under `/plots`; of one of several cloths below its name, in its colour."""
     import rerun as rr
 
     curves: list[tuple[str, str, tuple[int, int, int], Any]] = [
@@ -101,6 +108,7 @@ def log_plots(stream: rr.RecordingStream, take: Take, frames: Frames) -> None:
         ("kinetic_energy", "kinetic energy [J]", (100, 180, 255), take.kinetic_energy),
     ]
     for entity, name, color, values in curves:
-        path = f"/plots/{entity}"
-        send_once(stream, path, rr.SeriesLines(names=name, colors=color, widths=2.0))
+        path = rr.new_entity_path(["plots", entity] + ([] if cloth is None else [cloth]))
+        shown = {"names": name, "colors": color} if cloth is None else {"names": cloth, "colors": cloth_color}
+        send_once(stream, path, rr.SeriesLines(**shown, widths=2.0))
         frames.send(stream, path, rr.Scalars, {"scalars": values[frames.numbers][:, None]})

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Collection, Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,33 +17,33 @@ from cape.record.layers import check_layers, log_cape, log_plots, log_skeleton
 from cape.record.robot import log_robot
 from cape.record.solids import log_hitboxes, log_shells
 from cape.record.stage import log_character, log_floor, skeleton_height
+from cape.record.worn import worn_of
 from cape.scene import Scene
+from cape.take import Take
 from motions.errors import ValueRangeError
 from skeleton.geometry import LinkSurface
 from skeleton.track import BoneTrack
-
-if TYPE_CHECKING:
-    from cape.take import Take
 
 BODY_LAYERS = ("robot", "skeleton", "hitboxes", "shells", "floor")
 OVERHEAD = 4_000_000  # [bytes], more than all but the cloth takes in some minutes of motion
 
 
 def save(
-    take: Take,
+    take: Take | Sequence[Take],
     path: str | os.PathLike[str],
     *,
     layers: Iterable[str] | None = None,
     surfaces: Sequence[LinkSurface] = (),
     tab: str = "cape",
 ) -> None:
-    """Write a take as a recording for the Rerun viewer.
+    """Write a take, or several of one motion, as a recording for the Rerun viewer.
 
     Frames with a position that isn't finite are left out, with a warning. The file takes its name when it is complete;
     until then one that is there stays as it is.
 
     Args:
-        take: what to write.
+        take: what to write; or takes of different names, of cloths that hang on the same bones. These end with the
+            shortest of them. Of colliders with one name the first is drawn.
         path: the recording, by custom with the suffix .rrd.
         layers: which of `LAYERS` to write, None for all.
         surfaces: meshes that the bones carry, such as a robot's `skeleton.link_surfaces(body, "visual")`.
@@ -52,35 +51,38 @@ def save(
 
     Raises:
         UnknownNameError: a layer, or a bone that a collider names, doesn't exist.
-        ValueRangeError: no frame is finite.
+        ValueRangeError: no frame is finite, or the takes share a name or differ in their bones' motion.
         FileError: the file can't be written.
     """
     asked = _with_surfaces(check_layers(layers), surfaces)
-    frames = _finite_frames(take.name, take.bones, take.positions)
-    size = OVERHEAD + (2 * take.positions.nbytes if "cape" in asked else 0)
-    if take.contacts is not None and "contacts" in asked:
-        size += BYTES_PER_CONTACT * len(take.contacts.points)
-    blueprint = layout(asked, skeleton_height(take.bones, frames), take.colliders, tab=tab)
+    worn = worn_of([take] if isinstance(take, Take) else take)
+    frames = _finite_frames(worn.name, worn.bones, worn.positions)
+    size = OVERHEAD + (2 * worn.positions.nbytes if "cape" in asked else 0)
+    if "contacts" in asked:
+        size += BYTES_PER_CONTACT * sum(len(one.contacts.points) for one in worn.takes if one.contacts is not None)
+    height = skeleton_height(worn.bones, frames)
+    blueprint = layout(asked, height, worn.colliders, tab=tab, cloths=[cloth.path for cloth in worn.cloths])
     # The viewer keeps a layout for each application.
-    application = "cape" if tab == "cape" else f"cape {tab}"
-    with recording_file(path, application=application, name=take.name, blueprint=blueprint, size=size) as stream:
-        log_character(stream, take.bones, frames)
-        if "cape" in asked:
-            log_cape(stream, take, frames)
+    application = " ".join(["cape"] + ([tab] if tab != "cape" else []) + (["cloths"] if len(worn.takes) > 1 else []))
+    with recording_file(path, application=application, name=worn.name, blueprint=blueprint, size=size) as stream:
+        log_character(stream, worn.bones, frames)
+        for one, cloth in zip(worn.takes, worn.cloths, strict=True):
+            if "cape" in asked:
+                log_cape(stream, one, frames, path=cloth.path, color=cloth.color)
+            if "contacts" in asked and one.contacts is not None:
+                log_contacts(stream, one.contacts, one.colliders, one.thicknesses, frames, path=cloth.contacts)
+            if "plots" in asked:
+                log_plots(stream, one, frames, cloth=cloth.name, cloth_color=cloth.color)
         if "robot" in asked:
-            log_robot(stream, take.bones, surfaces, frames)
+            log_robot(stream, worn.bones, surfaces, frames)
         if "skeleton" in asked:
-            log_skeleton(stream, take.bones, frames)
+            log_skeleton(stream, worn.bones, frames)
         if "hitboxes" in asked:
-            log_hitboxes(stream, take.bones, take.colliders, frames, take.left_out)
+            log_hitboxes(stream, worn.bones, worn.colliders, frames, worn.left_out)
         if "shells" in asked:
-            log_shells(stream, take.bones, take.colliders, take.thicknesses, frames)
-        if "contacts" in asked and take.contacts is not None:
-            log_contacts(stream, take.contacts, take.colliders, take.thicknesses, frames)
+            log_shells(stream, worn.bones, worn.colliders, worn.thicknesses, frames)
         if "floor" in asked:
-            log_floor(stream, take.bones, take.colliders, frames)
-        if "plots" in asked:
-            log_plots(stream, take, frames)
+            log_floor(stream, worn.bones, worn.colliders, frames)
 
 
 def save_hitboxes(

@@ -1,0 +1,121 @@
+"""What a character wears in a recording: one cloth or several, each a take of the same motion."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from itertools import cycle
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.colliders import Collider
+from cape.record.layers import CLOTH_COLOR, OTHER_CLOTH_COLORS
+from cape.take import Take
+from motions.errors import ValueRangeError
+from skeleton.track import BoneTrack
+
+SAME = 1e-9  # m and parts of a quaternion by which takes of one motion may differ
+
+
+@dataclass(frozen=True)
+class ClothEntity:
+    """Where one cloth stands in a recording.
+
+    Attributes:
+        name: of the cloth, None where it is the only one.
+        path: of its mesh.
+        contacts: path above its contacts.
+        color: of its outside, sRGB.
+    """
+
+    name: str | None
+    path: str
+    contacts: str
+    color: tuple[int, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Worn:
+    """Takes of one motion, all as long as the shortest.
+
+    Attributes:
+        name: of the recording.
+        takes: one for each cloth.
+        cloths: where these stand.
+        bones: the motion, F frames.
+        positions: of the vertices of all cloths [m], shape (F, V, 3).
+        colliders: of all takes, those of one name once.
+        thicknesses: at which each stops the cloth [m], shape (C,).
+        left_out: names of the colliders that no cloth can reach.
+    """
+
+    name: str
+    takes: Sequence[Take]
+    cloths: Sequence[ClothEntity]
+    bones: BoneTrack
+    positions: NDArray[np.float32]
+    colliders: Sequence[Collider]
+    thicknesses: NDArray[np.float64]
+    left_out: Collection[str]
+
+
+def worn_of(takes: Sequence[Take]) -> Worn:
+    """Bring takes together.
+
+    Raises:
+        ValueRangeError: there is none, two share a name, or the motions of their bones differ.
+    """
+    if not takes:
+        raise ValueRangeError("there is no take to record")
+    names = [take.name for take in takes]
+    if doubled := sorted({name for name in names if names.count(name) > 1}):
+        raise ValueRangeError(f"takes of one recording need different names; given twice: {', '.join(doubled)}")
+    frames = min(len(take.positions) for take in takes)
+    bones = takes[0].bones.first(frames)
+    for take in takes[1:]:
+        _require_same_motion(bones, take.bones.first(frames), takes[0].name, take.name)
+    first_of: dict[str, tuple[Collider, float]] = {}
+    for take in takes:
+        for collider, thickness in zip(take.colliders, take.thicknesses, strict=True):
+            first_of.setdefault(collider.name, (collider, float(thickness)))
+    reached = {c.name for take in takes for c in take.colliders if c.name not in take.left_out}
+    return Worn(
+        name=" and ".join(names),
+        takes=takes,
+        cloths=_entities(names),
+        bones=bones,
+        positions=np.concatenate([take.positions[:frames] for take in takes], axis=1),
+        colliders=[collider for collider, _ in first_of.values()],
+        thicknesses=np.array([thickness for _, thickness in first_of.values()], dtype=float),
+        left_out=set(first_of) - reached,
+    )
+
+
+def _entities(names: Sequence[str]) -> list[ClothEntity]:
+    import rerun as rr
+
+    if len(names) == 1:
+        return [ClothEntity(None, "/world/cape", "/world/contacts", CLOTH_COLOR)]
+    colors = cycle([CLOTH_COLOR, *OTHER_CLOTH_COLORS])
+    return [
+        ClothEntity(
+            name, rr.new_entity_path(["world", "cloths", name]), rr.new_entity_path(["world", "contacts", name]), color
+        )
+        for name, color in zip(names, colors, strict=False)
+    ]
+
+
+def _require_same_motion(first: BoneTrack, other: BoneTrack, name: str, other_name: str) -> None:
+    same = first.names == other.names and all(
+        np.allclose(a, b, rtol=0.0, atol=SAME)
+        for a, b in [
+            (first.times, other.times),
+            (first.positions, other.positions),
+            (first.rotations_wxyz, other.rotations_wxyz),
+        ]
+    )
+    if not same:
+        raise ValueRangeError(
+            f"the takes {name!r} and {other_name!r} are of different motions: they need one recording each"
+        )

@@ -1,0 +1,97 @@
+"""What overlaps before the first step: a cloth or what holds it in a collider, a collider in the floor."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape import wear
+from cape.colliders import Collider, Plane
+from cape.poses import Pose, poses_of, read_pose
+from cape.scene import Scene
+from cape.solids import signed_distance
+from motions import quaternions
+from skeleton.findings import Finding
+from skeleton.placed import ends_in_world
+from skeleton.shapes import Capsule
+from skeleton.track import BoneTrack
+
+FloatArray = NDArray[np.float64]
+
+NOTEWORTHY = 0.001  # m; held points may lie on a collider's surface
+IN_FLOOR = 0.02  # m that a capsule may be in the floor, on which feet stand that are flatter than their capsules
+
+
+def check_start(scene: Scene, track: BoneTrack) -> tuple[Finding, ...]:
+    """Find what overlaps where a scene starts, in the first frame of a motion; nothing is simulated.
+
+    A cloth that starts in a collider is pushed out of it; what a bone holds there is held at the surface instead. What
+    lies between a capsule and a plane that overlap has nowhere to go.
+
+    Args:
+        scene: cloth, attachments and colliders.
+        track: poses of at least the bones that the scene uses.
+
+    Returns:
+        What was found: cloth, held points, floor, of each the deepest first.
+
+    Raises:
+        UnknownNameError: the scene uses a bone that the track has not.
+        ValueRangeError: the cape can't be put on, or an attachment holds nothing.
+    """
+    first = track.first(1)
+    pose = read_pose(poses_of(first, scene.bones)[0], scene.bones)
+    start = wear.placed(scene, pose)
+    held = _held_points(scene, pose, start)
+    loose = np.delete(start, np.concatenate([*(v for _, v, _ in held), np.empty(0, np.int64)]), axis=0)
+    cloth, holds = [], []
+    for collider in scene.colliders:
+        cloth += _inside(scene, pose, collider, loose, "the cloth starts in", ())
+        for bone, _, points in held:
+            holds += _inside(scene, pose, collider, points, f"{bone} holds the cloth in", (bone,))
+    return (*_deepest_first(cloth), *_deepest_first(holds), *_deepest_first(_in_planes(scene, first)))
+
+
+def _held_points(scene: Scene, pose: Pose, start: FloatArray) -> list[tuple[str, NDArray[np.int64], FloatArray]]:
+    """For each attachment the bone, the vertices, and where it holds them once the cloth is put on [m], (n, 3)."""
+    worn = wear.places_lifted(scene, pose, start)
+    held = []
+    for attachment in scene.attachments:
+        vertices = wear.held_by(scene, attachment, pose, start)
+        points = worn[vertices]
+        if attachment.points is not None:
+            bone = scene.bones.index(attachment.bone)
+            points = pose.positions[bone] + quaternions.rotate(pose.rotations_wxyz[bone], attachment.points)
+        held.append((attachment.bone, vertices, points))
+    return held
+
+
+def _inside(
+    scene: Scene, pose: Pose, collider: Collider, points: FloatArray, what: str, parts: tuple[str, ...]
+) -> list[Finding]:
+    """The finding that points in the world (n, 3) [m] are inside of a collider; none if they are not."""
+    bone = -1 if collider.bone is None else scene.bones.index(collider.bone)
+    in_bone = (points - pose.positions[bone]) @ quaternions.to_matrix(pose.rotations_wxyz[bone])
+    depths = -signed_distance(collider, in_bone)
+    count = int((depths > NOTEWORTHY).sum())
+    if not count:
+        return []
+    deepest = float(depths.max())
+    text = f"{what} {collider.name}: {count} of {len(points)} vertices, up to {1000 * deepest:.0f} mm deep"
+    return [Finding("start", text, deepest, "m", (0, 0), (*parts, collider.name))]
+
+
+def _in_planes(scene: Scene, first: BoneTrack) -> list[Finding]:
+    """The capsules that start in a plane that stands still."""
+    capsules = [c for c in scene.colliders if isinstance(c, Capsule) and c.bone is not None]
+    found = []
+    for plane in (c for c in scene.colliders if isinstance(c, Plane) and c.bone is None):
+        heights = signed_distance(plane, ends_in_world(capsules, first).reshape(-1, 3)).reshape(-1, 2).min(axis=1)
+        for capsule, height in zip(capsules, heights, strict=True):
+            depth = float(capsule.radius - height)
+            if depth > IN_FLOOR:
+                text = f"{capsule.name} starts in {plane.name} by {1000 * depth:.0f} mm"
+                found.append(Finding("start", text, depth, "m", (0, 0), (capsule.name, plane.name)))
+    return found
+
+
+def _deepest_first(findings: list[Finding]) -> list[Finding]:
+    return sorted(findings, key=lambda finding: -finding.figure)
