@@ -10,9 +10,9 @@ from skeleton.track import BoneTrack
 
 
 def floor_under(colliders: Sequence[Collider], track: BoneTrack) -> Plane:
-    """Find the level floor that a body of capsules stands on over a motion; at z = 0 where there is none.
+    """Find the level floor that a body of colliders stands on over a motion; at z = 0 where there is none.
 
-    It lies at the lowest point of all capsules in all frames but the lowest 2 %.
+    It lies at the lowest point of all that bones carry in all frames but the lowest 2 %.
     """
-    level = floor_level([c for c in colliders if isinstance(c, Capsule)], track)
+    level = floor_level(colliders, track)
     return Plane(name="floor", point=np.array([0.0, 0.0, 0.0 if level is None else level]))

@@ -7,11 +7,10 @@ from cape import wear
 from cape.colliders import Collider, Plane
 from cape.poses import Pose, poses_of, read_pose
 from cape.scene import Scene
-from cape.solids import signed_distance
 from motions import quaternions
 from skeleton.findings import Finding
-from skeleton.placed import ends_in_world
-from skeleton.shapes import Capsule
+from skeleton.measures import signed_distance
+from skeleton.placed import balls_of, in_world
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
@@ -80,16 +79,16 @@ def _inside(
 
 
 def _in_planes(scene: Scene, first: BoneTrack) -> list[Finding]:
-    """The capsules that start in a plane that stands still."""
-    capsules = [c for c in scene.colliders if isinstance(c, Capsule) and c.bone is not None]
+    """The solids that start in a plane that stands still."""
+    solids = [c for c in scene.colliders if not isinstance(c, Plane) and c.bone is not None]
     found = []
     for plane in (c for c in scene.colliders if isinstance(c, Plane) and c.bone is None):
-        heights = signed_distance(plane, ends_in_world(capsules, first).reshape(-1, 3)).reshape(-1, 2).min(axis=1)
-        for capsule, height in zip(capsules, heights, strict=True):
-            depth = float(capsule.radius - height)
+        for solid in solids:
+            centers, radii = balls_of(solid)
+            depth = float((radii - signed_distance(plane, in_world(centers, solid.bone, first)[0])).max())
             if depth > IN_FLOOR:
-                text = f"{capsule.name} starts in {plane.name} by {1000 * depth:.0f} mm"
-                found.append(Finding("start", text, depth, "m", (0, 0), (capsule.name, plane.name)))
+                text = f"{solid.name} starts in {plane.name} by {1000 * depth:.0f} mm"
+                found.append(Finding("start", text, depth, "m", (0, 0), (solid.name, plane.name)))
     return found
 
 

@@ -4,28 +4,28 @@ from collections.abc import Sequence
 
 from skeleton.crossings import crossings
 from skeleton.findings import Finding
-from skeleton.shapes import Capsule
+from skeleton.placed import as_capsules
+from skeleton.shapes import Shape
 from skeleton.speeds import glitches, too_fast
 from skeleton.standing import feet, scale_doubts
 from skeleton.track import BoneTrack
 
 
-def check_motion(
-    track: BoneTrack, capsules: Sequence[Capsule] = (), *, height: float | None = None
-) -> tuple[Finding, ...]:
+def check_motion(track: BoneTrack, solids: Sequence[Shape] = (), *, height: float | None = None) -> tuple[Finding, ...]:
     """Check a motion of any source: glitches, speeds beyond human limits, crossed limbs, feet and floor, scale.
 
     Args:
         track: poses of all bones, Z up. Without roles and parents less can be told.
-        capsules: around its limbs; none for a check of the speeds alone.
+        solids: around its limbs, of which boxes don't count; none for a check of the speeds alone.
         height: of the body [m], None where it is unknown or no human's.
 
     Returns:
         What was found, kind after kind, of each the worst first.
 
     Raises:
-        UnknownNameError: a capsule's bone isn't in the track.
+        UnknownNameError: a solid's bone isn't in the track.
     """
+    capsules = as_capsules(solids)
     return (
         *glitches(track, capsules),
         *too_fast(track, capsules),

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from motions import quaternions
 from motions.errors import UnknownNameError, ValueRangeError
 from skeleton.hitboxes import Hitboxes
-from skeleton.measures import Bounded
 from skeleton.model import Skeleton
-from skeleton.shapes import Box, Sphere, TaperedCapsule
+from skeleton.shapes import Bounded, Box, Sphere, TaperedCapsule
 
 if TYPE_CHECKING:
     import pinocchio

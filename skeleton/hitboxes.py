@@ -12,10 +12,10 @@ from motions import quaternions
 from motions.errors import ValueRangeError
 from skeleton.fitting import QUANTILE, fit_solids, weighted_quantile
 from skeleton.links import Link, LinkReport, body_height, find_links, in_neutral_pose
-from skeleton.measures import Bounded, signed_distance, union_volume
+from skeleton.measures import signed_distance, union_volume
 from skeleton.mirror import Mirror
 from skeleton.model import Skeleton
-from skeleton.shapes import Capsule, TaperedCapsule
+from skeleton.shapes import Bounded, Capsule, TaperedCapsule
 from skeleton.solid_files import read_solids, write_solids
 
 FloatArray = NDArray[np.float64]

@@ -7,12 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
-from skeleton.shapes import Box, Capsule, Plane, Shape, Sphere, TaperedCapsule
+from skeleton.shapes import Bounded, Box, Capsule, Plane, Shape, Sphere
 
 FloatArray = NDArray[np.float64]
-
-Bounded = Capsule | TaperedCapsule | Sphere | Box
-"""A solid that ends somewhere."""
 
 
 def signed_distance(solid: Shape, points: FloatArray) -> FloatArray:

@@ -1,17 +1,52 @@
-"""Capsules where a motion takes them: their ends in the world, their lowest points, the floor that they stand on."""
+"""Solids where a motion takes them: their ends in the world, their lowest points, the floor that they stand on."""
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
-from skeleton.shapes import Capsule
+from skeleton.shapes import Bounded, Box, Capsule, Plane, Shape, Sphere, TaperedCapsule
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
 
 RARE = 0.02  # share of frames that may go below: a foot that sinks in once does not lower the floor
+
+
+def balls_of(solid: Bounded) -> tuple[FloatArray, FloatArray]:
+    """Balls whose convex hull a solid is: centres in its bone's frame [m], shape (n, 3), and radii [m], shape (n,)."""
+    if isinstance(solid, Capsule):
+        return np.stack([solid.start, solid.end]), np.full(2, solid.radius)
+    if isinstance(solid, TaperedCapsule):
+        return np.stack([solid.start, solid.end]), np.array([solid.start_radius, solid.end_radius])
+    if isinstance(solid, Sphere):
+        return solid.center[None], np.array([solid.radius])
+    corners = np.array(list(product((-1.0, 1.0), repeat=3))) * solid.half_sizes
+    return solid.center + quaternions.rotate(solid.rotation_wxyz, corners), np.zeros(8)
+
+
+def as_capsules(solids: Sequence[Shape]) -> list[Capsule]:
+    """Those of the solids that are round, as capsules on the same bones, tapered ones with their mean radius."""
+    capsules = []
+    for solid in solids:
+        if not isinstance(solid, Box | Plane):
+            centers, radii = balls_of(solid)
+            capsules.append(Capsule(solid.name, solid.bone, centers[0], centers[-1], float(radii.mean())))
+    return capsules
+
+
+def in_world(points: FloatArray, bone: str | None, track: BoneTrack) -> FloatArray:
+    """Points in a bone's frame, in the world's for None, shape (n, 3), over F frames in the world [m], (F, n, 3).
+
+    Raises:
+        UnknownNameError: the bone isn't in the track.
+    """
+    if bone is None:
+        return np.broadcast_to(points, (track.frames, *points.shape))
+    index = track.index(bone)
+    return track.positions[:, index, None] + quaternions.rotate(track.rotations_wxyz[:, index, None], points)
 
 
 def ends_in_world(capsules: Sequence[Capsule], track: BoneTrack) -> FloatArray:
@@ -20,35 +55,30 @@ def ends_in_world(capsules: Sequence[Capsule], track: BoneTrack) -> FloatArray:
     Raises:
         UnknownNameError: a capsule's bone isn't in the track.
     """
-    ends = np.empty((track.frames, len(capsules), 2, 3))
-    for c, capsule in enumerate(capsules):
-        local = np.stack([capsule.start, capsule.end])
-        if capsule.bone is None:
-            ends[:, c] = local
-            continue
-        bone = track.index(capsule.bone)
-        turned = quaternions.rotate(track.rotations_wxyz[:, bone, None], local)
-        ends[:, c] = track.positions[:, bone, None] + turned
-    return ends
+    ends = [in_world(np.stack([capsule.start, capsule.end]), capsule.bone, track) for capsule in capsules]
+    return np.stack(ends, axis=1) if ends else np.empty((track.frames, 0, 2, 3))
 
 
-def lowest_points(capsules: Sequence[Capsule], track: BoneTrack) -> FloatArray:
-    """Height of the lowest point of each of C capsules over F frames [m], shape (F, C).
+def lowest_points(solids: Sequence[Bounded], track: BoneTrack) -> FloatArray:
+    """Height of the lowest point of each of C solids over F frames [m], shape (F, C).
 
     Raises:
-        UnknownNameError: a capsule's bone isn't in the track.
+        UnknownNameError: a solid's bone isn't in the track.
     """
-    radii = np.array([capsule.radius for capsule in capsules])
-    return ends_in_world(capsules, track)[..., 2].min(axis=2) - radii
+    heights = np.empty((track.frames, len(solids)))
+    for column, solid in enumerate(solids):
+        centers, radii = balls_of(solid)
+        heights[:, column] = (in_world(centers, solid.bone, track)[..., 2] - radii).min(axis=1)
+    return heights
 
 
-def floor_level(capsules: Sequence[Capsule], track: BoneTrack) -> float | None:
-    """Height of the level floor that a body of capsules stands on over a motion [m], None without any on a bone.
+def floor_level(solids: Sequence[Shape], track: BoneTrack) -> float | None:
+    """Height of the level floor that a body stands on over a motion [m], None without any solid on a bone.
 
-    It is that of the lowest point of all capsules on bones in all frames but the lowest 2 %.
+    It is that of the lowest point of all solids on bones in all frames but the lowest 2 %.
 
     Raises:
-        UnknownNameError: a capsule's bone isn't in the track.
+        UnknownNameError: a solid's bone isn't in the track.
     """
-    moving = [capsule for capsule in capsules if capsule.bone is not None]
+    moving = [solid for solid in solids if not isinstance(solid, Plane) and solid.bone is not None]
     return float(np.quantile(lowest_points(moving, track).min(axis=1), RARE)) if moving else None

@@ -175,7 +175,10 @@ class Plane:
         _require(self, np.linalg.norm(self.normal) > 0.0, "the normal must not be zero", self.normal)
 
 
-Shape = Capsule | TaperedCapsule | Sphere | Box | Plane
+Bounded = Capsule | TaperedCapsule | Sphere | Box
+"""Any of the solids that end somewhere."""
+
+Shape = Bounded | Plane
 """Any of the solids."""
 
 _Checked = Sphere | TaperedCapsule | Box | Plane

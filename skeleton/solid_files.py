@@ -25,8 +25,7 @@ import numpy as np
 
 from motions.errors import FileError, UserError
 from motions.files import write_text
-from skeleton.measures import Bounded
-from skeleton.shapes import Box, Capsule, Sphere, TaperedCapsule
+from skeleton.shapes import Bounded, Box, Capsule, Sphere, TaperedCapsule
 
 
 @dataclass(frozen=True)
