@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape import cut
-from cape.colliders import UNIT_TOLERANCE
 from cape.fabric import Fabric
 from motions import quaternions
 from motions.errors import UnknownNameError, ValueRangeError
+from skeleton.shapes import UNIT_TOLERANCE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -203,13 +203,36 @@ def clips() -> int:
 
 @app.command()
 def info(
-    clip: Clip, unit: Unit = None, up: Up = None, height: Height = None, attach: Attach = None, json: Json = False
+    clip: Annotated[
+        str | None, typer.Argument(help=CLIP_HELP + " A robot's name or URDF file tells of the robot.")
+    ] = None,
+    script: Script = None,
+    unit: Unit = None,
+    up: Up = None,
+    height: Height = None,
+    attach: Attach = None,
+    robot: Robot = None,
+    rate: Rate = None,
+    packages: Packages = None,
+    which: Hitboxes = None,
+    json: Json = False,
 ) -> int:
-    """Tell what a clip holds: joints, roles, unit, what was decided while reading, what to look at."""
-    from cape.cli.character import Reading
+    """Tell what a motion or a robot holds: joints, roles, unit, what was decided while reading, what to look at."""
     from cape.cli.info import run
+    from cape.cli.reading import Reading
 
-    return run(Reading(clip, unit=unit, up=up, height=height, attach=tuple(attach or ())), json=json)
+    reading = Reading(
+        clip,
+        unit=unit,
+        up=up,
+        height=height,
+        attach=tuple(attach or ()),
+        script=script,
+        skeleton=robot,
+        rate=rate,
+        packages=tuple(packages or ()),
+    )
+    return run(reading, hitboxes=which, json=json)
 
 
 @app.command()

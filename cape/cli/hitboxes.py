@@ -46,10 +46,23 @@ def run(
         rows = [(c.name, f"{_text(c, reach)}; {touched[c.name]}") for c in take.colliders]
         notes = [("result", take.result), *(("", warning) for warning in take.warnings)]
         status = 130 if take.result.startswith("stopped") else 0
-    print_rows([*rows, *missing, *notes, ("recording", str(path))])
+    print_rows([*rows, *missing, *_fit_rows(who), *notes, ("recording", str(path))])
     if spawn:
         open_viewer(path)
     return status
+
+
+def _fit_rows(who: Character) -> list[tuple[str, str]]:
+    """How well solids that were fitted to a robot's links hold them."""
+    return [
+        (
+            "fit",
+            f"{link}: {fit.outside:.1%} of its {fit.geometry} surface sticks out of {', '.join(fit.solids)}, by "
+            f"{1000 * fit.p99:.1f} mm in all but 1 %, {1000 * fit.most:.1f} mm at most; "
+            f"{fit.volume_ratio:.2f} times the volume of its hull",
+        )
+        for link, fit in who.hitboxes.qualities.items()
+    ]
 
 
 def _bare(who: Character) -> tuple[Sequence[Collider], Reach | None, list[tuple[str, str]]]:

@@ -1,47 +1,80 @@
-"""`cape info` and `cape clips`: what a clip holds, which clips there are."""
+"""`cape info` and `cape clips`: what a motion or a robot holds, which clips there are."""
 
 import json as jsonlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from itertools import groupby
+from pathlib import Path
 
 import numpy as np
 
 import motions
-from cape.cli.character import Reading
+from cape.cli.character import BY_PROPORTIONS, find_hitboxes, read_character
+from cape.cli.reading import Reading
+from cape.cli.retargeting import retarget_facts, retarget_rows
 from cape.cli.rows import print_rows
+from cape.colliders import Collider
 from cape.cuts import Cuts, seam
 from cape.dress import dress
 from cape.reach import reach_of
 from cape.start import check_start
 from motions.errors import UserError
 from motions.roles import ROLES
-from skeleton import Finding, Skeleton, check_motion
+from skeleton import ROBOTS, BoneTrack, Finding, Skeleton, check_motion, column_names
 
 TOLD_OF_A_KIND = 3
+STATURE_ROLES = tuple(f"{side}_{limb}" for side in ("left", "right") for limb in ("upper_arm", "thigh", "shin", "foot"))
 
 
-def run(reading: Reading, *, json: bool = False) -> int:
-    """Tell what a clip holds; gives the exit status."""
-    clip = reading.load_as_is()
-    body = reading.body(clip)
-    findings = _findings(body, clip)
-    root = clip.joints[0]
+@dataclass(frozen=True, eq=False)
+class _Subject:
+    """What there is to tell of: a body, and its motion where there is one.
+
+    Attributes:
+        rows: what it is.
+        body: the skeleton.
+        names: of its joints.
+        track: its motion.
+        solids: around its limbs.
+        left_out: why others are missing, by their names.
+        decisions: what had to be decided, a sentence each.
+        human: whether it is of a human's size and speed.
+    """
+
+    rows: list[tuple[str, str]]
+    body: Skeleton
+    names: tuple[str, ...]
+    track: BoneTrack | None
+    solids: tuple[Collider, ...]
+    left_out: Mapping[str, str]
+    decisions: tuple[str, ...]
+    human: bool
+
+    @property
+    def height(self) -> float | None:
+        """Standing height [m], None where it is unknown."""
+        roles = ("head",) if self.human else ()
+        return self.body.height() if set((*roles, *STATURE_ROLES)) <= set(self.body.roles) else None
+
+
+def run(reading: Reading, *, hitboxes: str | None = None, json: bool = False) -> int:
+    """Tell what a motion or a robot holds; gives the exit status."""
+    subject = _robot_alone(reading) or _subject(reading, hitboxes)
+    body, height = subject.body, subject.height
+    findings = _findings(subject)
     facts = [
-        ("clip", clip.name),
-        ("motion", f"{clip.frames} frames at {clip.fps:g} fps, {clip.duration:.2f} s"),
-        ("joints", f"{len(clip.joints)} and {len(clip.end_parents)} end sites, root {root!r}"),
-        ("body", f"{body.height():.2f} m tall" if "head" in body.roles else "of unknown height"),
-        *(("decided", decision) for decision in clip.decisions),
+        *subject.rows,
+        ("body", "of unknown height" if height is None else f"{height:.2f} m tall"),
+        *(("decided", decision) for decision in subject.decisions),
         *(("role", f"{role}: {body.roles[role]}") for role in ROLES if role in body.roles),
-        ("capsules", ", ".join(c.name for c in body.capsules())),
-        *(("left out", f"{name}: {reason}") for name, reason in body.capsules_left_out().items()),
-        *_jump_rows(body, clip),
-        *_cape_rows(body, clip),
+        ("capsules", ", ".join(solid.name for solid in subject.solids) or "none"),
+        *(("left out", f"{name}: {reason}") for name, reason in subject.left_out.items()),
+        *_jump_rows(subject),
+        *_cape_rows(subject),
         *(("check", text) for text in _told(findings)),
-        *(("warning", text) for text in _warnings(clip, body.roles)),
-        ("joint names", ", ".join(clip.joints)),
+        *(("warning", text) for text in _warnings(subject)),
+        ("joint names", ", ".join(subject.names)),
     ]
     if json:
         rows = [list(row) for row in facts if row[0] != "check"]
@@ -51,14 +84,50 @@ def run(reading: Reading, *, json: bool = False) -> int:
     return 0
 
 
-def _findings(body: Skeleton, clip: motions.Clip) -> list[Finding]:
+def _robot_alone(reading: Reading) -> _Subject | None:
+    """A robot without a motion, None where a motion is named."""
+    name = reading.clip
+    if name is None or reading.skeleton is not None or not (name in ROBOTS or Path(name).suffix.lower() == ".urdf"):
+        return None
+    robot = reading.robot(name)
+    rows = [
+        ("robot", robot.model.name),
+        ("joints", f"{len(robot.bones)}, a configuration has {robot.model.nq} numbers"),
+        ("numbers", ", ".join(column_names(robot))),
+    ]
+    return _Subject(rows, robot, robot.bones, None, (), {}, robot.decisions, human=False)
+
+
+def _subject(reading: Reading, hitboxes: str | None) -> _Subject:
+    """A clip with the body that it moves, or a robot with its motion."""
+    if reading.skeleton is None:
+        clip = reading.load_as_is()
+        body = reading.body(clip)
+        solids = find_hitboxes(body, hitboxes or BY_PROPORTIONS)
+        rows = [
+            ("clip", clip.name),
+            ("motion", f"{clip.frames} frames at {clip.fps:g} fps, {clip.duration:.2f} s"),
+            ("joints", f"{len(clip.joints)} and {len(clip.end_parents)} end sites, root {clip.joints[0]!r}"),
+        ]
+        track = body.track(clip) if clip.frames > 1 else None
+        return _Subject(rows, body, clip.joints, track, solids.solids, solids.left_out, clip.decisions, human=True)
+    who = read_character(reading, hitboxes=hitboxes)
+    track, solids = who.track, who.hitboxes
+    rows = [
+        ("motion", f"{who.name}: {track.frames} frames at {track.fps:g} fps, {track.times[-1] - track.times[0]:.2f} s"),
+        ("robot", who.body.model.name),
+        *([] if who.retargeted is None else retarget_rows(retarget_facts(who.retargeted))),
+    ]
+    return _Subject(rows, who.body, who.body.bones, track, solids.solids, solids.left_out, who.decisions, human=False)
+
+
+def _findings(subject: _Subject) -> list[Finding]:
     """What deserves a look in the motion, and where a cape would start."""
-    if clip.frames < 2:
+    if subject.track is None:
         return []
-    track = body.track(clip)
-    findings = [*check_motion(track, body.capsules(), height=body.height() if "head" in body.roles else None)]
+    findings = [*check_motion(subject.track, subject.solids, height=subject.height if subject.human else None)]
     with suppress(UserError):  # there is no cape then; `_cape_rows` tells why
-        findings += check_start(dress(body, track), track)
+        findings += check_start(dress(subject.body, subject.track, colliders=subject.solids), subject.track)
     return findings
 
 
@@ -73,12 +142,12 @@ def _told(findings: Sequence[Finding]) -> list[str]:
     return texts
 
 
-def _jump_rows(body: Skeleton, clip: motions.Clip) -> list[tuple[str, str]]:
-    """Tell where the bones jump, and whether they do where the clip begins again."""
-    if clip.frames < 2:
+def _jump_rows(subject: _Subject) -> list[tuple[str, str]]:
+    """Tell where the bones jump, and whether they do where the motion begins again."""
+    track, cuts, rows = subject.track, Cuts(), []
+    if track is None:
         return []
-    track, cuts, rows = body.track(clip), Cuts(), []
-    holding = [role for role in ("left_shoulder", "right_shoulder") if role in body.roles]
+    holding = [role for role in ("left_shoulder", "right_shoulder") if role in subject.body.roles]
     if jumps := cuts.frames(track, holding):
         rows.append(("jumps", f"the bones jump at frame {', '.join(map(str, jumps))}: a cape is carried along"))
     way = float(np.linalg.norm(track.positions[0] - track.positions[-1], axis=1).max())
@@ -90,14 +159,13 @@ def _jump_rows(body: Skeleton, clip: motions.Clip) -> list[tuple[str, str]]:
     return rows
 
 
-def _cape_rows(body: Skeleton, clip: motions.Clip) -> list[tuple[str, str]]:
+def _cape_rows(subject: _Subject) -> list[tuple[str, str]]:
     """Tell what a cape would be and what it can't reach, or why there is none."""
-    if clip.frames < 2:
+    if subject.track is None:
         return []
-    track = body.track(clip)
     try:
-        scene = dress(body, track)
-        reach = reach_of(scene, track)
+        scene = dress(subject.body, subject.track, colliders=subject.solids)
+        reach = reach_of(scene, subject.track)
     except UserError as error:
         return [("cape", f"none: {error}")]
     return [
@@ -117,10 +185,11 @@ def list_clips() -> int:
     return 0
 
 
-def _warnings(clip: motions.Clip, roles: Mapping[str, str]) -> list[str]:
+def _warnings(subject: _Subject) -> list[str]:
+    roles = subject.body.roles
     missing = [role for role in ROLES if role not in roles and not role.endswith("hand")]
     warnings = []
-    if clip.frames < 2:
+    if subject.track is None and not subject.body.is_robot:
         warnings.append("a single frame: no motion to replay")
     if missing:
         warnings.append(f"no bone found for {', '.join(missing)}; name one by hand: --attach {missing[0]}=BONE")

@@ -125,6 +125,7 @@ def _facts(take: Take, scene: Scene, bones: int, notes: list[str], path: Path) -
         "vertices": take.positions.shape[1],
         "bones": bones,
         "capsules": len(take.capsules),
+        "hitboxes": sum(collider.bone is not None for collider in take.colliders),
         "solver": take.solver,
         "substeps": take.substeps,
         "step_error": step_error_facts(take, scene),
@@ -153,7 +154,7 @@ def _print_table(take: Take, facts: dict[str, Any]) -> None:
     factor = facts["realtime_factor"]
     rows = [
         ("motion", f"{facts['frames']} frames at {facts['fps']:g} fps"),
-        ("bones, capsules", f"{facts['bones']}, {facts['capsules']}"),
+        ("bones, hitboxes", f"{facts['bones']}, {facts['hitboxes']}"),
         *retarget_rows(facts.get("retarget", {})),
         *(("left out", f"{name}: {reason}") for name, reason in take.left_out.items()),
         ("cape", f"{facts['vertices']} vertices"),
