@@ -59,7 +59,8 @@ def link_surfaces(body: Skeleton, kind: Kind, *, bones: Collection[str] | None =
 
     Collada files say which of their axes points up. Some robots' files count on meshes being turned by it (as Gazebo
     does), others on its being ignored (as RViz does): the meshes are turned if that brings them nearer to the joints at
-    the far ends of their links. Pinocchio ignores it, so these surfaces may differ from `geometry_model`.
+    the far ends of their links. Pinocchio ignores it, so these surfaces may differ from `geometry_model`. A mesh whose
+    triangles leave out vertices is garbled, and its convex hull stands for it.
 
     Raises:
         ValueRangeError: the body is no robot, so it has no links.
@@ -170,7 +171,13 @@ def _mesh(shape: Any) -> tuple[FloatArray, NDArray[np.uint32]]:
 
     if isinstance(shape, coal.BVHModelBase):
         corners = (shape.tri_indices(i) for i in range(shape.num_tris))
-        mesh = trimesh.Trimesh(shape.vertices(), [(t[0], t[1], t[2]) for t in corners])
+        triangles = np.array([(t[0], t[1], t[2]) for t in corners], dtype=np.int64).reshape(-1, 3)
+        if len(np.unique(triangles)) < shape.num_vertices:
+            # Coal 3.0 numbers the vertices of a Collada file's nodes so that triangles join wrong ones and leave others
+            # out. The places of all vertices are right.
+            mesh = trimesh.convex.convex_hull(shape.vertices())
+        else:
+            mesh = trimesh.Trimesh(shape.vertices(), triangles)
     elif isinstance(shape, coal.Sphere):
         mesh = trimesh.creation.icosphere(subdivisions=3, radius=shape.radius)
     elif isinstance(shape, coal.Capsule):

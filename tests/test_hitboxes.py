@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from motions import quaternions
 from motions.errors import FileError, UnknownNameError, ValueRangeError
 from skeleton import ROBOTS, Capsule, Hitboxes, Skeleton, add_to_geometry_model, hitboxes_of, links, load_hitboxes
-from skeleton.geometry import Kind, LinkSurface, link_surfaces
+from skeleton.geometry import Kind, LinkSurface, geometry_model, link_surfaces
 from skeleton.hitboxes import INSIDE
 from skeleton.links import in_neutral_pose
 from skeleton.measures import Bounded, signed_distance, volume
@@ -170,6 +170,16 @@ def test_meshes_whose_file_has_another_axis_up_lie_along_their_links():
             ends = [into_bone(body, solid, body.rest.joint(f"{side}_{part}")) for part in (limb, following)]
             middle = np.mean(ends, axis=0)
             assert signed_distance(solid, middle)[0] < 0.0, solid.name
+
+
+def test_a_mesh_whose_triangles_leave_vertices_out_is_replaced_by_its_hull():
+    body = body_of("icub")
+    for kind in ("collision", "visual"):
+        solids = {solid.name: solid for solid in geometry_model(body, kind).geometryObjects}
+        for surface in surfaces_of("icub", kind):
+            solid = solids[surface.name]
+            reach = np.linalg.norm(solid.geometry.vertices(), axis=1).max()
+            assert np.linalg.norm(surface.vertices - solid.placement.translation, axis=1).max() == pytest.approx(reach)
 
 
 # -- left and right --
