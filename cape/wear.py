@@ -19,6 +19,7 @@ HIGHEST_LIFT = 0.15  # m that a neckline is raised at most to clear the shoulder
 LIFT_STEP = 0.002  # m
 FARTHEST = 0.3  # m that it is raised and moved back at most where its wearer's trunk is in the way
 FAR_STEP = 0.01  # m
+BACK_COST = 0.75  # of a metre back in metres up: a cape may hang lower down the back, but not stand beside the head
 
 
 def wearer_to_world(left: FloatArray, right: FloatArray, pelvis: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -137,7 +138,7 @@ def _lift(scene: Scene, pose: Pose, neckline: FloatArray) -> FloatArray:
         if not _touches(scene, pose, neckline + height * up):
             return height * up
     heights, ways = (axis.ravel() for axis in np.mgrid[0:FARTHEST:FAR_STEP, 0:FARTHEST:FAR_STEP])
-    for k in np.argsort(np.hypot(heights, ways), kind="stable"):
+    for k in np.argsort(np.hypot(heights, BACK_COST * ways), kind="stable"):
         shift = heights[k] * up - ways[k] * forward
         if not _touches(scene, pose, neckline + shift):
             return shift

@@ -7,7 +7,10 @@ import pytest
 
 import cape
 import motions
+from cape import wear
 from cape.ground import floor_under
+from cape.poses import poses_of, read_pose
+from motions import quaternions
 from motions.errors import UnknownNameError
 from skeleton import BoneTrack, Capsule, Skeleton
 
@@ -62,3 +65,33 @@ def test_a_motion_without_shoulders_is_refused_by_name(walker):
     without = replace(track, roles={r: b for r, b in track.roles.items() if r != "left_shoulder"})
     with pytest.raises(UnknownNameError, match="left_shoulder"):
         cape.dress(body, without)
+
+
+def test_a_floor_lies_under_solids_of_any_kind():
+    foot = {"name": "foot", "bone": "foot"}
+    track = track_of(np.full(5, 1.0))
+    tapered = cape.TaperedCapsule(**foot, end=np.array([0.0, 0.0, -0.3]), start_radius=0.2, end_radius=0.1)
+    assert floor_under([tapered], track).point[2] == pytest.approx(1.0 - 0.3 - 0.1)
+    sphere = cape.Sphere(**foot, center=np.array([0.0, 0.0, -0.1]), radius=0.2)
+    assert floor_under([sphere], track).point[2] == pytest.approx(1.0 - 0.1 - 0.2)
+    # A cube that stands on a corner reaches down by half of its diagonal.
+    turn = quaternions.from_rotation_vector(np.arccos(1 / np.sqrt(3)) * np.array([1.0, -1.0, 0.0]) / np.sqrt(2))
+    cube = cape.Box(**foot, half_sizes=np.full(3, 0.1), rotation_wxyz=turn)
+    assert floor_under([cube], track).point[2] == pytest.approx(1.0 - 0.1 * np.sqrt(3))
+
+
+@pytest.mark.parametrize(("radius", "lifted"), [(0.27, True), (0.38, False)])
+def test_a_neckline_clears_a_trunk_upwards_or_else_backwards(walker, radius, lifted):
+    body, track = walker
+    ball = cape.Sphere(name="trunk", bone=body.role("chest"), radius=radius)
+    scene = replace(cape.dress(body, track, colliders=[ball]), attachments=[])
+    pose = read_pose(poses_of(track.first(1), scene.bones)[0], scene.bones)
+    count = len(scene.cloth.neckline)
+    worn, start = wear.places_lifted(scene, pose, scene.cloth.positions), wear.placed(scene, pose)
+    ahead, _, up = wear._wearer(scene, pose)[0].T
+    shift = (worn - wear.places_worn(scene, pose, start))[:count]
+    assert np.ptp(shift, axis=0).max() < 1e-12
+    chest = scene.bones.index(ball.bone)
+    assert np.linalg.norm(worn[:count] - pose.positions[chest], axis=1).min() >= radius + scene.thickness
+    assert (abs(shift[0] @ ahead) < 1e-12) == lifted
+    assert shift[0] @ up >= 0.0 >= shift[0] @ ahead - 1e-12
