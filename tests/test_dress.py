@@ -68,15 +68,16 @@ def test_a_motion_without_shoulders_is_refused_by_name(walker):
 
 
 def test_a_floor_lies_under_solids_of_any_kind():
-    foot = {"name": "foot", "bone": "foot"}
     track = track_of(np.full(5, 1.0))
-    tapered = cape.TaperedCapsule(**foot, end=np.array([0.0, 0.0, -0.3]), start_radius=0.2, end_radius=0.1)
+    down = np.array([0.0, 0.0, -0.3])
+    tapered = cape.TaperedCapsule(name="a", bone="foot", end=down, start_radius=0.2, end_radius=0.1)
     assert floor_under([tapered], track).point[2] == pytest.approx(1.0 - 0.3 - 0.1)
-    sphere = cape.Sphere(**foot, center=np.array([0.0, 0.0, -0.1]), radius=0.2)
+    sphere = cape.Sphere(name="b", bone="foot", center=down / 3, radius=0.2)
     assert floor_under([sphere], track).point[2] == pytest.approx(1.0 - 0.1 - 0.2)
     # A cube that stands on a corner reaches down by half of its diagonal.
     turn = quaternions.from_rotation_vector(np.arccos(1 / np.sqrt(3)) * np.array([1.0, -1.0, 0.0]) / np.sqrt(2))
-    cube = cape.Box(**foot, half_sizes=np.full(3, 0.1), rotation_wxyz=turn)
+    cube = cape.Box(name="c", bone="foot", half_sizes=np.full(3, 0.1), rotation_wxyz=turn)
+    assert floor_under([cube, tapered, sphere], track).point[2] == pytest.approx(1.0 - 0.3 - 0.1)
     assert floor_under([cube], track).point[2] == pytest.approx(1.0 - 0.1 * np.sqrt(3))
 
 
@@ -86,6 +87,7 @@ def test_a_neckline_clears_a_trunk_upwards_or_else_backwards(walker, radius, lif
     ball = cape.Sphere(name="trunk", bone=body.role("chest"), radius=radius)
     scene = replace(cape.dress(body, track, colliders=[ball]), attachments=[])
     pose = read_pose(poses_of(track.first(1), scene.bones)[0], scene.bones)
+    assert scene.cloth.neckline is not None
     count = len(scene.cloth.neckline)
     worn, start = wear.places_lifted(scene, pose, scene.cloth.positions), wear.placed(scene, pose)
     ahead, _, up = wear._wearer(scene, pose)[0].T
