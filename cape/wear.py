@@ -19,7 +19,7 @@ HIGHEST_LIFT = 0.15  # m that a neckline is raised at most to clear the shoulder
 LIFT_STEP = 0.002  # m
 FARTHEST = 0.3  # m that it is raised and moved back at most where its wearer's trunk is in the way
 FAR_STEP = 0.01  # m
-BACK_COST = 0.75  # of a metre back in metres up: a cape may hang lower down the back, but not stand beside the head
+BACK_COST = 0.6  # of a metre back in metres up: a cape may hang lower down the back, but not stand beside the head
 
 
 def wearer_to_world(left: FloatArray, right: FloatArray, pelvis: FloatArray) -> tuple[FloatArray, FloatArray]:
