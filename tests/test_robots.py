@@ -1,6 +1,7 @@
 """Robots: their files, the surfaces of their links, and motions as rows of configurations."""
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from motions import quaternions
+from motions.conventions import to_z_up
 from motions.errors import FileError, UserError, ValueRangeError
 from skeleton import ROBOTS, RobotMotion, Skeleton, column_names, link_surfaces, load_configurations
 from skeleton.geometry import collada_up, geometry_model
@@ -293,3 +295,61 @@ def test_a_motion_is_cut_and_checked():
         RobotMotion("walk", np.array([[0.0], [np.nan]]), np.array([0.0, 1.0]))
     with pytest.raises(ValueRangeError, match="has a single frame"):
         _ = RobotMotion("walk", walker(1), np.zeros(1)).fps
+
+
+def chained(body: Skeleton, q: np.ndarray) -> dict[str, np.ndarray]:
+    """Poses bone_to_world of a robot's joints from its file alone, as 4 x 4 matrices, by name."""
+    assert body.source is not None
+    tree = ElementTree.parse(body.source.urdf).getroot()
+    angles = dict(zip(column_names(body), q, strict=True))
+    # The root's link moves as the first seven numbers tell, and the whole world may be turned.
+    base = np.eye(4)
+    base[:3, :3] = to_z_up("y" if body.decisions else "z")
+    floating = np.eye(4)
+    floating[:3, :3], floating[:3, 3] = quaternions.to_matrix(q[[6, 3, 4, 5]]), q[:3]
+    joints = {attribute(joint, "child", "link"): joint for joint in tree.findall("joint")}
+    poses = {"root_joint": base @ floating}
+
+    def link_pose(link: str) -> np.ndarray:
+        if link not in joints:
+            return poses["root_joint"]
+        joint = joints[link]
+        pose = np.eye(4)
+        roll, pitch, yaw = numbers(attribute(joint, "origin", "rpy"))
+        pose[:3, :3] = quaternions.to_matrix(quaternions.from_euler(np.array([yaw, pitch, roll]), "zyx"))
+        pose[:3, 3] = numbers(attribute(joint, "origin", "xyz"))
+        pose = link_pose(attribute(joint, "parent", "link")) @ pose
+        if joint.get("type") != "fixed":
+            axis = numbers(attribute(joint, "axis", "xyz"))
+            turn = np.eye(4)
+            angle = angles[joint.get("name", "")]
+            turn[:3, :3] = quaternions.to_matrix(quaternions.from_rotation_vector(angle * axis / np.linalg.norm(axis)))
+            pose = pose @ turn
+        poses[joint.get("name", "")] = pose
+        return pose
+
+    for link in joints:
+        link_pose(link)
+    return poses
+
+
+def attribute(joint: ElementTree.Element, tag: str, name: str) -> str:
+    element = joint.find(tag)
+    return "" if element is None else element.get(name, "")
+
+
+def numbers(text: str) -> np.ndarray:
+    """Three numbers of a file, zeros where it has none."""
+    return np.array([float(part) for part in (text or "0 0 0").split()])
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_bones_are_where_the_files_origins_and_axes_take_them(name):
+    body = Skeleton.from_urdf(name)
+    random = np.random.default_rng(5)
+    q = random.uniform(-1.0, 1.0, body.model.nq)
+    q[3:7] /= np.linalg.norm(q[3:7])
+    track, poses = body.track(q[None], fps=60), chained(body, q)
+    for index, bone in enumerate(body.bones):
+        assert np.abs(track.positions[0, index] - poses[bone][:3, 3]).max() < 1e-9
+        assert np.abs(quaternions.to_matrix(track.rotations_wxyz[0, index]) - poses[bone][:3, :3]).max() < 1e-9
