@@ -1,13 +1,16 @@
-"""Five hundred random arrangements of colliders, cloth and motions: nothing stuck, torn loose or not a number."""
+"""Random arrangements of colliders, cloth and motions: nothing stuck, torn loose or not a number.
+
+The first of five hundred; `python tests/contact_judge.py` takes them all.
+"""
 
 import pytest
-from arrangements import COUNT, arrangement
+from arrangements import arrangement
 from contact_judge import run
 from scenes import both_by_default
 
 from cape import Solver
 
-CHUNK = 50
+COUNT, CHUNK = 200, 50
 
 
 @both_by_default

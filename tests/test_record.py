@@ -411,10 +411,13 @@ def test_all_layers_by_default(saved: Recording):
 
 def test_an_unknown_layer_lists_the_known(tmp_path: Path, take: Take):
     with pytest.raises(
-        UnknownNameError, match="no layer named 'hat'; available: cape, skeleton, hitboxes, shells, contacts, floor"
+        UnknownNameError,
+        match="no layer named 'hat'; available: cape, robot, skeleton, hitboxes, shells, contacts, floor",
     ):
         take.save(tmp_path / "take.rrd", layers=["cape", "hat"])
-    with pytest.raises(UnknownNameError, match="no layer named 'cape'; available: skeleton, hitboxes, shells, floor"):
+    with pytest.raises(
+        UnknownNameError, match="no layer named 'cape'; available: robot, skeleton, hitboxes, shells, f"
+    ):
         record.save_hitboxes(take.bones, take.colliders, tmp_path / "take.rrd", layers=["cape"])
     assert list(tmp_path.iterdir()) == []
 

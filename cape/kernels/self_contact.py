@@ -318,7 +318,8 @@ def push(
         let_go(k, force)
         return 0.0
     jx, jy, jz = stopped * nx, stopped * ny, stopped * nz
-    going_on = normal + LEARNED * stopped
+    # What stopped them once is no force to go on with: until the next beat it would part them, and be let go of there.
+    going_on = normal + min(LEARNED * stopped, 0.25 * slack / interval)
     tx = ty = tz = 0.0
     if friction > 0.0:
         fx, fy, fz = fx - normal * nx, fy - normal * ny, fz - normal * nz
