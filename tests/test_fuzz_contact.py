@@ -10,7 +10,7 @@ from scenes import both_by_default
 
 from cape import Solver
 
-COUNT, CHUNK = 200, 50
+COUNT, CHUNK = 100, 50
 
 
 @both_by_default

@@ -241,7 +241,7 @@ def busy(*, mesh: bool = False, self_contact: bool = False) -> tuple[Scene, list
 
 @pytest.mark.parametrize(
     ("solver", "kind"),
-    [*((s, "grid") for s in EVERY), (EULER, "mesh"), (SWEEPS, "mesh"), (EULER, "layers"), (BACKWARD, "layers")],
+    [*((s, "grid") for s in EVERY), (EULER, "mesh"), (SWEEPS, "mesh"), (EULER, "layers")],
     ids=lambda value: getattr(value, "name", value),
 )
 def test_the_balance_closes(solver: Solver, kind: str):
