@@ -270,6 +270,7 @@ def test_what_looks_wrong_in_a_motion_is_told(tmp_path, g1):
     long = walker()
     long[:, 3:7] *= 1.1
     assert "quaternions of root_joint are off unit length by up to 0.1: normalised" in told(long)
+    assert np.abs(load_configurations(tmp_path / "motion.npz", g1).configurations - walker()).max() < 1e-12
     first = walker()
     first[:, 3:7] = first[:, [6, 3, 4, 5]]  # w first, read as x: half a turn about x
     assert "the trunk hangs head down in most frames" in told(first)
