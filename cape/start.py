@@ -10,7 +10,8 @@ from cape.scene import Scene
 from motions import quaternions
 from skeleton.findings import Finding
 from skeleton.measures import signed_distance
-from skeleton.placed import balls_of, in_world
+from skeleton.placed import in_world
+from skeleton.shapes import balls_of
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]

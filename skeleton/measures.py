@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
-from skeleton.shapes import Bounded, Box, Capsule, Plane, Shape, Sphere
+from skeleton.shapes import Bounded, Box, Capsule, Plane, Shape, Sphere, balls_of
 
 FloatArray = NDArray[np.float64]
 
@@ -61,13 +61,8 @@ def union_volume(solids: Sequence[Bounded], *, across: int = 24) -> float:
 
 def _bounds(solid: Bounded) -> tuple[FloatArray, FloatArray]:
     """Lowest and highest corner of the upright box around a solid [m], each of shape (3,)."""
-    if isinstance(solid, Box):
-        reach = np.abs(quaternions.to_matrix(solid.rotation_wxyz)) @ solid.half_sizes
-        return solid.center - reach, solid.center + reach
-    if isinstance(solid, Sphere):
-        return solid.center - solid.radius, solid.center + solid.radius
-    first, last = (solid.radius,) * 2 if isinstance(solid, Capsule) else (solid.start_radius, solid.end_radius)
-    return np.minimum(solid.start - first, solid.end - last), np.maximum(solid.start + first, solid.end + last)
+    centers, radii = balls_of(solid)
+    return (centers - radii[:, None]).min(axis=0), (centers + radii[:, None]).max(axis=0)
 
 
 def hull_of_spheres_volume(length: float, first: float, last: float) -> float:

@@ -1,30 +1,17 @@
 """Solids where a motion takes them: their ends in the world, their lowest points, the floor that they stand on."""
 
 from collections.abc import Sequence
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
-from skeleton.shapes import Bounded, Box, Capsule, Plane, Shape, Sphere, TaperedCapsule
+from skeleton.shapes import Bounded, Box, Capsule, Plane, Shape, balls_of
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
 
 RARE = 0.02  # share of frames that may go below: a foot that sinks in once does not lower the floor
-
-
-def balls_of(solid: Bounded) -> tuple[FloatArray, FloatArray]:
-    """Balls whose convex hull a solid is: centres in its bone's frame [m], shape (n, 3), and radii [m], shape (n,)."""
-    if isinstance(solid, Capsule):
-        return np.stack([solid.start, solid.end]), np.full(2, solid.radius)
-    if isinstance(solid, TaperedCapsule):
-        return np.stack([solid.start, solid.end]), np.array([solid.start_radius, solid.end_radius])
-    if isinstance(solid, Sphere):
-        return solid.center[None], np.array([solid.radius])
-    corners = np.array(list(product((-1.0, 1.0), repeat=3))) * solid.half_sizes
-    return solid.center + quaternions.rotate(solid.rotation_wxyz, corners), np.zeros(8)
 
 
 def as_capsules(solids: Sequence[Shape]) -> list[Capsule]:

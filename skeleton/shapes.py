@@ -2,10 +2,12 @@
 
 import math
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from motions import quaternions
 from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
@@ -180,6 +182,19 @@ Bounded = Capsule | TaperedCapsule | Sphere | Box
 
 Shape = Bounded | Plane
 """Any of the solids."""
+
+
+def balls_of(solid: Bounded) -> tuple[FloatArray, FloatArray]:
+    """Balls whose convex hull a solid is: centres in its bone's frame [m], shape (n, 3), and radii [m], shape (n,)."""
+    if isinstance(solid, Capsule):
+        return np.stack([solid.start, solid.end]), np.full(2, solid.radius)
+    if isinstance(solid, TaperedCapsule):
+        return np.stack([solid.start, solid.end]), np.array([solid.start_radius, solid.end_radius])
+    if isinstance(solid, Sphere):
+        return solid.center[None], np.array([solid.radius])
+    corners = np.array(list(product((-1.0, 1.0), repeat=3))) * solid.half_sizes
+    return solid.center + quaternions.rotate(solid.rotation_wxyz, corners), np.zeros(8)
+
 
 _Checked = Sphere | TaperedCapsule | Box | Plane
 

@@ -22,9 +22,9 @@ from cape.start import check_start
 from motions.errors import UserError
 from motions.roles import ROLES
 from skeleton import ROBOTS, BoneTrack, Finding, Skeleton, check_motion, column_names
+from skeleton.links import body_height
 
 TOLD_OF_A_KIND = 3
-STATURE_ROLES = tuple(f"{side}_{limb}" for side in ("left", "right") for limb in ("upper_arm", "thigh", "shin", "foot"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +54,7 @@ class _Subject:
     @property
     def height(self) -> float | None:
         """Standing height [m], None where it is unknown."""
-        roles = ("head",) if self.human else ()
-        return self.body.height() if set((*roles, *STATURE_ROLES)) <= set(self.body.roles) else None
+        return None if self.human and "head" not in self.body.roles else body_height(self.body)
 
 
 def run(reading: Reading, *, hitboxes: str | None = None, json: bool = False) -> int:
