@@ -32,6 +32,9 @@ changes."""
 LENGTHEN = 1.5
 """Factor from each length of blends that is tried to the next."""
 
+REACHES = (2, 4, 8, 16)
+"""How many times as far as `search` says a passage is then looked for, until no joint is too fast in it."""
+
 MOST_NAMED = 8  # parts of a script that the name of the clip tells
 
 
@@ -61,11 +64,15 @@ class Transition:
 
 @dataclass(frozen=True, eq=False)
 class _Passage:
-    """A transition as it is played: with the blend, which takes `extra` frames besides those of the transition."""
+    """A transition as it is played: with the blend, which takes `extra` frames besides those of the transition.
+
+    It was found among frames up to `reach` times as far off as asked for.
+    """
 
     at: Transition
     extra: int
     blends: Blends
+    reach: int = 1
 
     @property
     def duration(self) -> int:
@@ -109,8 +116,8 @@ class _Span:
         return 1.0 + off / max(off.max(), 1.0)
 
 
-_Spans = Callable[[int], tuple[_Span, _Span]]
-"""Where a clip may be left and the next entered, given the number of frames in which they are blended."""
+_Spans = Callable[[int, int], tuple[_Span, _Span]]
+"""Where a clip may be left and the next entered, given the number of frames in which they are blended and the reach."""
 
 
 class MotionGraph:
@@ -137,7 +144,7 @@ class MotionGraph:
             longest: how long one may take [s], the clips overlapping for half of it at most; slow clips of different
                 poses need long blends.
             search: by how much a part of a script may be longer or shorter than asked, and how far into a clip it may
-                begin, where the clips are more alike there [s].
+                begin, where the clips are more alike there [s]; up to 16 times that where joints would be too fast.
             fps: frames per second, by default those of the clip that has most.
 
         Raises:
@@ -198,8 +205,9 @@ class MotionGraph:
         A part with a time lasts that long, give or take `search`, from where its blend begins to where the next one's
         does, but no less than the blend that leads to it; it goes round in its clip where that is shorter. A part
         without a time plays its clip once, from one of the first frames to one of the last, no farther from the ends
-        than a blend is long. The last part ends exactly on its time, or with its clip. Parts with times that follow
-        each other in the same clip are one.
+        than a blend is long. Where all blends would be too fast there, clips are left and entered farther off. The last
+        part ends exactly on its time, or with its clip. Parts with times that follow each other in the same clip are
+        one.
 
         Returns:
             A clip named after the parts; its decisions tell where each begins, and how well clips fit together.
@@ -244,16 +252,16 @@ class MotionGraph:
         source, target = self._sources[step.clip], self._sources[after.clip]
         final = source.clip.frames - 1
 
-        def spans(frames: int) -> tuple[_Span, _Span]:
-            last = final - frames
+        def spans(frames: int, reach: int) -> tuple[_Span, _Span]:
+            last, search = final - frames, reach * self._search
             if step.seconds is None:
-                leaving = _Span(max(at, last - frames), last, last)
+                leaving = _Span(max(at, last - reach * frames), last, last)
             else:
                 wanted = min(max(end, at), last)
-                leaving = _Span(max(at, wanted - self._search), min(wanted + self._search, last), wanted)
+                leaving = _Span(max(at, wanted - search), min(wanted + search, last), wanted)
             if after.seconds is None:
-                return leaving, _Span(0, min(frames, target.third), 0)
-            return leaving, _Span(0, min(self._search, target.third))
+                return leaving, _Span(0, min(reach * frames, target.third), 0)
+            return leaving, _Span(0, min(search, target.third))
 
         return spans
 
@@ -263,20 +271,34 @@ class MotionGraph:
             source = self._sources[name]
             end, third = source.clip.frames - 1, source.third
             self._loops[name] = self._best(
-                name, name, lambda frames: (_Span(end - third, end - frames), _Span(0, third))
+                name, name, lambda frames, _: (_Span(end - third, end - frames), _Span(0, third))
             )
         return self._loops[name]
 
     def _best(self, source: str, target: str, spans: _Spans) -> _Passage:
-        """The passage between two clips that costs least, among blends of several lengths."""
+        """The passage between two clips that costs least, from no farther off than keeps joints within their limits.
+
+        If none keeps them, the best of those that are near.
+        """
+        near = passage = self._best_within(source, target, spans, 1)
+        for reach in REACHES:
+            if passage.haste <= 1.0:
+                return passage
+            if spans(self._shortest, reach) == spans(self._shortest, reach // 2):
+                break
+            passage = self._best_within(source, target, spans, reach)
+        return passage if passage.haste <= 1.0 else near
+
+    def _best_within(self, source: str, target: str, spans: _Spans, reach: int) -> _Passage:
+        """The passage that costs least, among blends of several lengths."""
         longest = min(
             max(self._shortest, self._longest // 2), *(self._sources[name].third for name in (source, target))
         )
         options, frames = [], self._shortest
         while frames <= longest:
-            options.append(self._best_of_length(source, target, frames, *spans(frames)))
+            options.append(self._best_of_length(source, target, frames, *spans(frames, reach)))
             frames = round(LENGTHEN * frames)
-        return self._drawn_out(min(options, key=lambda option: (option.late, option.cost)))
+        return replace(self._drawn_out(min(options, key=lambda option: (option.late, option.cost))), reach=reach)
 
     def _best_of_length(self, source: str, target: str, frames: int, leaving: _Span, entering: _Span) -> _Option:
         """The cheapest of some blends from all over the spans, or of all that begin a few frames from it.
@@ -343,6 +365,8 @@ class MotionGraph:
             f"frame {transition.leave} to its frame {transition.enter} within {passage.duration / self.fps:.2f} s, "
             f"at a distance of {100 * transition.distance:.1f} cm; feet slide by {100 * passage.slide:.1f} cm"
         )
+        if passage.reach > 1:
+            text += f"; up to {passage.reach * self._search / self.fps:.2f} s off, as joints would be too fast nearer by"
         if passage.haste > 1.0:
             text += f"; joints are up to {passage.haste:.2f} times as fast as in either, for want of a longer blend"
         decisions.append(text)

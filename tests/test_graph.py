@@ -27,7 +27,7 @@ SEARCH = 0.5
 TOLD = re.compile(
     r"(?P<target>\w+) begins( again)? at (?P<begin>[\d.]+) s: from (?P<source>\w+)'s frame (?P<leave>\d+) to its frame "
     r"(?P<enter>\d+) within (?P<within>[\d.]+) s, at a distance of (?P<distance>[\d.]+) cm; feet slide by "
-    r"(?P<slide>[\d.]+) cm(; joints are up to (?P<haste>[\d.]+) times as fast as in either.*)?"
+    r"(?P<slide>[\d.]+) cm(; up to (?P<off>[\d.]+) s off, [^;]*)?(; joints are up to (?P<haste>[\d.]+) times as fast as in either.*)?"
 )
 
 
@@ -111,12 +111,9 @@ def check_speeds(clip: Clip, sources: dict[str, Clip]) -> None:
     for name, start, end in zip(names, starts, starts[1:], strict=False):
         allowed[start:end] = limits[name]
     for blend, start in zip(blends, starts[1:], strict=False):
-        # A clip in which feet stand still all the time can't come back to itself from anywhere; it is told then.
-        assert blend["haste"] is None or blend["source"] == blend["target"] == "idle"
+        assert blend["haste"] is None
         within = slice(start, start + round(float(blend["within"]) * clip.fps))
         allowed[within] = np.maximum(limits[blend["source"]], limits[blend["target"]])
-        if blend["haste"]:
-            allowed[within] = np.inf
     excess = (measured - allowed).max(axis=1)
     assert excess.max() <= TOLERANCE + 1e-9, f"by {excess.max():.4f} in frame {excess.argmax()}"
 
@@ -191,8 +188,16 @@ STEPS = st.builds(Step, st.sampled_from(motions.clip_names()), st.none() | st.fl
 @settings(max_examples=4, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(STEPS, min_size=2, max_size=3))
 @example([Step("spin"), Step("idle"), Step("idle")])
+@example([Step("idle", 4.53), Step("idle")])
 def test_whatever_is_asked_for_no_joint_is_too_fast(graph: MotionGraph, shipped: dict[str, Clip], steps: list[Step]):
     check_speeds(graph.play(steps), shipped)
+
+
+def test_a_clip_is_left_farther_off_than_asked_where_joints_would_be_too_fast_nearer_by(graph: MotionGraph):
+    """The feet of `idle` never move, and stand a little elsewhere from 4 to 5 s than they do at its beginning."""
+    (blend,) = told(graph.play("idle 4.53s, idle"))
+    assert SEARCH < abs(float(blend["begin"]) - 4.53) <= float(blend["off"])
+    assert not blend["haste"]
 
 
 def test_nothing_jumps(shown: Clip, shipped: dict[str, Clip]):
