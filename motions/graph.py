@@ -366,7 +366,8 @@ class MotionGraph:
             f"at a distance of {100 * transition.distance:.1f} cm; feet slide by {100 * passage.slide:.1f} cm"
         )
         if passage.reach > 1:
-            text += f"; up to {passage.reach * self._search / self.fps:.2f} s off, as joints would be too fast nearer by"
+            off = passage.reach * self._search / self.fps
+            text += f"; up to {off:.2f} s off, as joints would be too fast nearer by"
         if passage.haste > 1.0:
             text += f"; joints are up to {passage.haste:.2f} times as fast as in either, for want of a longer blend"
         decisions.append(text)

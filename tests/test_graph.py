@@ -27,7 +27,8 @@ SEARCH = 0.5
 TOLD = re.compile(
     r"(?P<target>\w+) begins( again)? at (?P<begin>[\d.]+) s: from (?P<source>\w+)'s frame (?P<leave>\d+) to its frame "
     r"(?P<enter>\d+) within (?P<within>[\d.]+) s, at a distance of (?P<distance>[\d.]+) cm; feet slide by "
-    r"(?P<slide>[\d.]+) cm(; up to (?P<off>[\d.]+) s off, [^;]*)?(; joints are up to (?P<haste>[\d.]+) times as fast as in either.*)?"
+    r"(?P<slide>[\d.]+) cm(; up to (?P<off>[\d.]+) s off, [^;]*)?"
+    r"(; joints are up to (?P<haste>[\d.]+) times as fast as in either.*)?"
 )
 
 
