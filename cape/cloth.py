@@ -94,8 +94,8 @@ class Cloth(ABC):
             flare: length of the hem divided by that of the neckline, more than 1.
             spacing: mean distance of neighbouring vertices [m].
             shoulder_width: distance of the wearer's shoulder joints [m], which the neckline's length follows.
-            hem_layers: layers of fabric in the sewn edge, one cell wide; the collar, two cells wide, has twice as many:
-                it holds the weight of a cape that hangs from its corners.
+            hem_layers: layers of fabric in the sewn edge, 2.4 cm wide; the collar, twice as wide, has twice as many: it
+                holds the weight of a cape that hangs from its corners.
             fabric: what it is made of.
 
         It starts spread out flat behind the wearer, in the wearer's frame, and is put on before the first frame.
@@ -115,7 +115,7 @@ class Cloth(ABC):
             frame="wearer",
             neckline=neckline,
             fabric=fabric or Fabric(),
-            layers=cut.sewn_edges(rows, columns, hem_layers),
+            layers=cut.sewn_edges(pattern, rows, columns, hem_layers),
             regions=cut.grid_regions(rows, columns),
         )
 

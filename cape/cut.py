@@ -12,6 +12,7 @@ FloatArray = NDArray[np.float64]
 # narrowest ones set the largest stable step.
 WIDER_CELLS = 1.12
 MOST_CELLS = 2700  # along one side; 7 million vertices are more than any machine steps
+HEM = 0.024  # m, width of the sewn edge; the collar is twice as wide
 SLACK = 1.1  # length of the neckline over that of the way it is worn: room for the shoulders to move
 
 
@@ -120,12 +121,25 @@ def _around(index: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.stack([upper, lower, next_lower, upper, next_lower, next_upper], axis=2).reshape(-1, 3)
 
 
-def sewn_edges(rows: int, columns: int, layers: float) -> FloatArray:
-    """Layers of fabric in each cell: the hem one cell wide, the collar two cells wide and twice as thick."""
-    counts = np.ones((rows - 1, columns - 1))
-    counts[-1] = counts[:, 0] = counts[:, -1] = layers
-    counts[:2] = 2.0 * layers
-    return counts
+def sewn_edges(pattern: FloatArray, rows: int, columns: int, layers: float) -> FloatArray:
+    """Layers of fabric in each cell, on average over it: a hem at the sides and the end, a collar twice as thick.
+
+    So a cape weighs the same at any spacing.
+    """
+    points = pattern.reshape(rows, columns, 2)
+    heights = np.linalg.norm(np.diff(points[:, 0], axis=0), axis=1)
+    widths = np.linalg.norm(np.diff((points[:-1] + points[1:]) / 2.0, axis=1), axis=2)
+    collar = _covered(heights, 2.0 * HEM)[:, None]
+    end = _covered(heights[::-1], HEM)[::-1, None]
+    sides = np.minimum(_covered(widths.T, HEM) + _covered(widths.T[::-1], HEM)[::-1], 1.0).T
+    hem = 1.0 - (1.0 - end) * (1.0 - sides)
+    return collar * 2.0 * layers + (1.0 - collar) * (1.0 + (layers - 1.0) * hem)
+
+
+def _covered(sizes: FloatArray, width: float) -> FloatArray:
+    """Share of each cell that a strip as wide covers [m], laid over cells of these sizes from the first on."""
+    begins = np.cumsum(sizes, axis=0) - sizes
+    return np.clip((width - begins) / sizes, 0.0, 1.0)
 
 
 def grid_regions(rows: int, columns: int) -> dict[str, NDArray[np.int64]]:

@@ -71,6 +71,33 @@ def test_a_cape_weighs_what_its_annular_sector_weighs(flare: float, spacing: flo
     assert np.ptp(np.linalg.norm(np.diff(cloth.pattern[-cloth.columns :], axis=0), axis=1)) < 1e-12
 
 
+@pytest.mark.parametrize("spacing", [0.06, 0.03, 0.015, 0.0075])
+def test_a_cape_weighs_the_same_at_any_spacing(spacing: float):
+    """Its hem is 2.4 cm wide, of 5 layers; its collar is 4.8 cm wide, of 10.
+
+    What is integrated here are circles; their chords are shorter by angle^2 / 24 and the areas between two of them by
+    angle^2 / 6, and a share of a cell's height isn't quite one of its area.
+    """
+    length, flare, hem, layers = 1.1, 2.0, 0.024, 5
+    cloth = Cloth.cape(length=length, flare=flare, spacing=spacing, hem_layers=layers)
+    inner = neckline_length(cloth)
+    angle = inner * (flare - 1) / length
+    radius = inner / angle
+
+    def sector(first: float, last: float) -> float:
+        return angle / 2 * (last**2 - first**2)
+
+    collar = sector(radius, radius + 2 * hem)
+    end = sector(radius + length - hem, radius + length)
+    sides = 2 * hem * (length - 3 * hem)
+    area = sector(radius, radius + length) + (2 * layers - 1) * collar + (layers - 1) * (end + sides)
+    # The strip at the end begins within a cell, of which it takes the share of the height: at most a quarter of a
+    # cell's height times the change of width over it is off, in each of the strips.
+    cell = length / (cloth.rows - 1)
+    off = (3 * layers - 2) * angle * cell**2 / 8 + area * (angle / (cloth.columns - 1)) ** 2 / 6
+    assert cloth.masses().sum() == pytest.approx(area * cloth.fabric.density, abs=off * cloth.fabric.density)
+
+
 def test_layers_weigh():
     cloth = CUTS["cape"]
     assert cloth.layers is not None

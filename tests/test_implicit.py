@@ -181,6 +181,21 @@ def test_a_carried_sheet_moves_with_what_carries_it(kind):
 
 
 @both
+def test_a_forcing_that_single_precision_cannot_reach_does_no_harm(kind):
+    """As cloth comes to rest residuals get so small that their squares are no normal numbers any more."""
+    side = np.linspace(0.0, 0.3, 7)
+    runs = []
+    for forcing in (0.1, 1e-8):
+        cloth = grid_cloth(side, side, Fabric(damping_time=1e-3))
+        run = Run(Scene(cloth, [Attachment(vertices=np.arange(7), bone="hand")]), kind(forcing=forcing))
+        for _ in range(240):
+            run.step(FRAME, 8)
+        assert np.abs(run.velocities).max() < 1e-3
+        runs.append(run.positions)
+    assert np.abs(runs[1] - runs[0]).max() < 1e-6
+
+
+@both
 def test_stages_that_do_not_converge_are_counted(kind):
     stages = 3 * (2 if kind is TRBDF2 else 1)
     cloth, _ = SMOOTH["damped"]

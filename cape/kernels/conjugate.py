@@ -12,6 +12,7 @@ from cape.kernels.team import meet
 
 CHUNK = 64  # vertices; the ranges of threads are multiples of it
 LANES = np.uint64(8)
+FAINTEST = 1e-34  # squared residual; below it terms in single precision lose digits, and steps go anywhere
 
 
 @kernel
@@ -114,7 +115,7 @@ def solve_linear(lo, hi, model, matrix, b, scratch, inverse, vectors, terms, sum
         d[0, a:e], d[1, a:e], d[2, a:e], z[0, a:e], z[1, a:e], z[2, a:e], p[0, a:e], p[1, a:e], p[2, a:e], terms[a:e],
     )  # fmt: skip
     squared = sum_all(lo, hi, front, terms, sums[0], team)
-    enough = forcing * forcing * squared
+    enough = max(forcing * forcing * squared, FAINTEST)
     slope = 0.0
     for iteration in range(most):
         if not squared > enough:
