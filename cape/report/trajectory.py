@@ -55,7 +55,7 @@ class Setting:
 
 
 EXACT = Setting("euler", options=(("precision", "double"),))
-"""What the cloth settles with, and a reference is made of."""
+"""What a reference is made of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,20 +110,20 @@ class Stage:
         reference_s: float | None = None,
         threads: int = 1,
     ) -> None:
-        """Settle the cloth with a solver of high accuracy.
+        """Settle the cloth; all runs begin there, so that it matters to none how well.
 
         Args:
             standard: the scene.
             seconds: of its motion at most [s].
-            reference_s: wall time that a reference may take [s], by a run with twice the steps that are needed and one
-                with four times as many; a motion that takes longer is cut, but not below `SHORTEST`.
+            reference_s: wall time that a reference's first two runs may take [s], with `first_refinement` times the
+                steps that are needed and twice as many; a motion that takes longer is cut, but not below `SHORTEST`.
             threads: that share the cloth in all runs.
 
         Raises:
             Diverged: the cloth explodes while it settles.
         """
         self.standard, self.threads = standard, threads
-        first = self._simulation(EXACT)
+        first = self._simulation(Setting(EXACT.solver))
         track = standard.track
         if seconds is not None:
             track = track.first(int(np.sum(track.times <= track.times[0] + seconds + 1e-9)))
@@ -131,7 +131,9 @@ class Stage:
         first.start(self._poses[0])
         self._start = first.snapshot()
         if reference_s is not None:
-            frame_s = (2 + 4) * first.forecast(self._step(1)).seconds
+            first = self._simulation(EXACT)
+            first.start_from(self._start)
+            frame_s = 3 * self.first_refinement * first.forecast(self._step(1)).seconds
             span = max(SHORTEST, reference_s / frame_s * self._step(1))
             kept = int(np.sum(self.times <= self.times[0] + span + 1e-9))
             self.times, self._poses = self.times[:kept], self._poses[:kept]
@@ -143,6 +145,14 @@ class Stage:
     def frames(self) -> int:
         """Frames of the motion."""
         return len(self._poses)
+
+    @property
+    def first_refinement(self) -> int:
+        """How many times as many steps as are needed the first run of a reference takes.
+
+        Smooth motion needs no more; where errors grow, the first halving should tell something.
+        """
+        return 1 if self.standard.smooth else 2
 
     @property
     def seconds(self) -> float:
