@@ -41,7 +41,7 @@ class Plan:
 
 
 FULL = Plan(
-    every=1, repeats=5, seconds=10.0, scene_s=40.0, case_repeats=10,
+    every=1, repeats=5, seconds=10.0, scene_s=50.0, case_repeats=10,
     spacings=(0.06, 0.03, 0.015, 0.0075), balances=("swing", "sphere", "walk"),
 )  # fmt: skip
 # These cases compile nothing that the scenes do not.

@@ -41,7 +41,7 @@ class Row(Figures):
         max_mm: the same.
         shape_mm: the same.
         window_mm: error after a tenth of a second from the reference's state (`window_error`), where a scene is not
-            smooth.
+            smooth, and the solver isn't so slow that this alone takes longer than all runs of the scene may.
         stretch_max: largest strain of a thread.
         penetration_max_mm: deepest penetration of a vertex [mm].
         lowest_m: height of the lowest vertex, in the mean over the last `LAST` seconds [m].
@@ -132,9 +132,10 @@ def sweep(stage: Stage, plan: Plan, told: Told = lambda steps: lambda: None) -> 
     left = max(plan.scene_s - (time.perf_counter() - begun), (1.0 - REFERENCE_SHARE) * plan.scene_s)
     for k, solver in enumerate(settings):
         share = left / (len(settings) - k)
-        for row, run, seconds in _runs(stage, settings[solver], plan.repeats, share, reference.trajectory):
+        for row, run in _runs(stage, settings[solver], plan, share, reference.trajectory):
             rows.append(row)
-            left -= seconds
+            if run is not None:
+                left -= run.spent
             if run is not None and solver != Auto.name:
                 best = shown.get(solver)
                 if best is None or _is_better(row, error_of(best, reference.trajectory), best):
@@ -144,27 +145,24 @@ def sweep(stage: Stage, plan: Plan, told: Told = lambda steps: lambda: None) -> 
     return Sweep(stage, reference, uncertainty, rows, shown)
 
 
-def _runs(stage: Stage, settings: list[Setting], repeats: int, share: float, reference: Trajectory):
-    """Yield a row for each setting, its run, None where that would have taken too long, and the wall time it took."""
+def _runs(stage: Stage, settings: list[Setting], plan: Plan, share: float, reference: Trajectory):
+    """Yield a row for each setting, and its run, None where that would have taken too long."""
     spent, last = 0.0, None
     windows_s = 0.0 if stage.standard.smooth else WINDOW * len(stage.window_starts)
     for setting in settings:
         steps, expected = setting.substeps or 0, 0.0
         if last is not None:
-            expected = (
-                last.seconds * (stage.seconds + windows_s) * (steps / last.substeps) ** SLOWER.get(setting.solver, 1.0)
-            )
+            expected = last.seconds * stage.seconds * (steps / last.substeps) ** SLOWER.get(setting.solver, 1.0)
         if last is not None and spent + expected > share:
             why, name = f"left out: it takes about {_seconds(expected)}", stage.standard.name
-            yield Row(name, setting.solver, str(setting), steps, math.nan, result=why), None, 0.0
+            yield Row(name, setting.solver, str(setting), steps, math.nan, result=why), None
             continue
         most = share / len(settings)
-        last = stage.run(setting, repeats=repeats, enough=lambda taken, most=most: taken > most)
-        begun = time.perf_counter()
-        window_mm = math.nan if stage.standard.smooth else window_error(stage, setting, reference)
-        seconds = last.spent + time.perf_counter() - begun
-        spent += seconds
-        yield row_of(stage.standard.name, last, error_of(last, reference), window_mm), last, seconds
+        last = stage.run(setting, repeats=plan.repeats, enough=lambda taken, most=most: taken > most)
+        known = not stage.standard.smooth and last.seconds * windows_s <= (1.0 - REFERENCE_SHARE) * plan.scene_s
+        window_mm = window_error(stage, setting, reference) if known else math.nan
+        spent += last.spent
+        yield row_of(stage.standard.name, last, error_of(last, reference), window_mm), last
 
 
 def _seconds(duration: float) -> str:
