@@ -199,6 +199,13 @@ def test_what_would_take_too_long_is_left_out_and_named(stage: Stage):
     assert all(math.isnan(row.rms_mm) for row in left_out)
 
 
+@pytest.mark.parametrize(("scene_s", "unknown"), [(30.0, False), (1e-6, True)])
+def test_short_trajectories_are_left_out_where_these_alone_take_too_long(scene_s: float, unknown: bool):
+    stage = Stage(dataclasses.replace(small_swing(), smooth=False))
+    done = sweep(stage, dataclasses.replace(TINY, scene_s=scene_s))
+    assert {math.isnan(row.window_mm) for row in done.rows if row.finished} == {unknown}
+
+
 # -- the whole report --
 
 
