@@ -129,10 +129,11 @@ def sweep(stage: Stage, plan: Plan, told: Told = lambda steps: lambda: None) -> 
     )
     advance()
     name, rows, shown = stage.standard.name, [], {}
-    left = max(plan.scene_s - (time.perf_counter() - begun), (1.0 - REFERENCE_SHARE) * plan.scene_s)
+    most = (1.0 - REFERENCE_SHARE) * plan.scene_s
+    left = max(plan.scene_s - (time.perf_counter() - begun), most)
     for k, solver in enumerate(settings):
         share = left / (len(settings) - k)
-        for row, run in _runs(stage, settings[solver], plan, share, reference.trajectory):
+        for row, run in _runs(stage, settings[solver], plan.repeats, share, most, reference.trajectory):
             rows.append(row)
             if run is not None:
                 left -= run.spent
@@ -145,8 +146,11 @@ def sweep(stage: Stage, plan: Plan, told: Told = lambda steps: lambda: None) -> 
     return Sweep(stage, reference, uncertainty, rows, shown)
 
 
-def _runs(stage: Stage, settings: list[Setting], plan: Plan, share: float, reference: Trajectory):
-    """Yield a row for each setting, and its run, None where that would have taken too long."""
+def _runs(stage: Stage, settings: list[Setting], repeats: int, share: float, windows_in: float, reference: Trajectory):
+    """Yield a row for each setting, and its run, None where that would have taken too long.
+
+    All runs may take `share`, and the windows of each `windows_in` [s].
+    """
     spent, last = 0.0, None
     windows_s = 0.0 if stage.standard.smooth else WINDOW * len(stage.window_starts)
     for setting in settings:
@@ -158,8 +162,8 @@ def _runs(stage: Stage, settings: list[Setting], plan: Plan, share: float, refer
             yield Row(name, setting.solver, str(setting), steps, math.nan, result=why), None
             continue
         most = share / len(settings)
-        last = stage.run(setting, repeats=plan.repeats, enough=lambda taken, most=most: taken > most)
-        known = not stage.standard.smooth and last.seconds * windows_s <= (1.0 - REFERENCE_SHARE) * plan.scene_s
+        last = stage.run(setting, repeats=repeats, enough=lambda taken, most=most: taken > most)
+        known = not stage.standard.smooth and last.seconds * windows_s <= windows_in
         window_mm = window_error(stage, setting, reference) if known else math.nan
         spent += last.spent
         yield row_of(stage.standard.name, last, error_of(last, reference), window_mm), last
