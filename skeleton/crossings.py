@@ -31,7 +31,7 @@ def crossings(track: BoneTrack, capsules: Sequence[Capsule]) -> list[Finding]:
         UnknownNameError: a capsule's bone isn't in the track.
     """
     moving = [capsule for capsule in capsules if capsule.bone is not None]
-    steps = _steps_between(track, moving)
+    steps = bones_between(track.parents, [track.index(capsule.bone or "") for capsule in moving])
     ends = ends_in_world(moving, track)
     found = []
     for i, j in combinations(range(len(moving)), 2):
@@ -74,14 +74,17 @@ def _finding(thin: Capsule, thick: Capsule, depth: FloatArray, crossed: NDArray[
     return Finding("crossing", text, float(depth[deepest]), "m", run, (thin.name, thick.name))
 
 
-def _steps_between(track: BoneTrack, capsules: Sequence[Capsule]) -> NDArray[np.int64]:
-    """Number of bones with capsules from one capsule's bone to another's along the skeleton, shape (C, C).
+def bones_between(all_parents: NDArray[np.int64] | None, bones: Sequence[int]) -> NDArray[np.int64]:
+    """Number of steps from each of n bones to each other along the skeleton, by these bones only, shape (n, n).
 
-    Many where nothing connects them, or where the track knows no parents.
+    Bones may come several times. Many steps where nothing connects them, or where parents aren't known.
+
+    Args:
+        all_parents: of each bone of the skeleton its parent's index, -1 for none.
+        bones: their indices.
     """
-    bones = [track.index(capsule.bone or "") for capsule in capsules]
     carriers = list(dict.fromkeys(bones))
-    parents = np.full(len(carriers), -1) if track.parents is None else nearest_parents(track.parents, carriers)
+    parents = np.full(len(carriers), -1) if all_parents is None else nearest_parents(all_parents, carriers)
     steps = np.full((len(carriers), len(carriers)), len(carriers))
     for i in range(len(carriers)):
         steps[i, i] = 0

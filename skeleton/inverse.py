@@ -4,6 +4,7 @@
 # pyright: reportMissingImports=false
 
 import importlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,9 @@ from numpy.typing import NDArray
 
 from motions import quaternions
 from motions.errors import UserError
+from skeleton.apart import Apart
 from skeleton.model import Skeleton
+from skeleton.shapes import Bounded
 
 if TYPE_CHECKING:
     import pinocchio
@@ -42,6 +45,9 @@ _POSTURE_COST = 0.2
 """Cost of a radian that a joint moves in a frame: places that ask for much movement and gain little are given up."""
 _DAMPING = 1e-4
 
+_CAUTION = 0.03
+"""Levenberg-Marquardt damping, as a share of the square of what being off costs: straight arms overshoot without."""
+
 
 @dataclass(frozen=True, eq=False)
 class Target:
@@ -57,6 +63,7 @@ class Target:
         directions: wanted directions of the frame's z axis, shape (F, 3), where only that axis is.
         position_costs: cost of a metre in each frame, shape (F,).
         rotation_costs: cost of a radian in each frame, shape (F,).
+        yields: how far off its place the frame is pulled back the harder, and no harder beyond [m]; None for no end.
         above_floor: points of the frame that stay above z = 0, in its axes [m], shape (P, 3).
     """
 
@@ -69,6 +76,7 @@ class Target:
     directions: FloatArray | None = None
     position_costs: FloatArray | None = None
     rotation_costs: FloatArray | None = None
+    yields: float | None = None
     above_floor: FloatArray | None = None
 
 
@@ -94,12 +102,14 @@ def follow(
     first_wxyz: FloatArray,
     fps: float,
     top_speed: float,
+    solids: Sequence[Bounded] = (),
 ) -> Followed:
     """Configurations that come nearest to the targets, by weighted least squares within the robot's limits.
 
     Each frame is solved by Gauss-Newton steps from the solution of the frame before, the first from the neutral
     configuration. A step is a quadratic program within the joints' limits, cut to where a joint can get from the frame
-    before at its top speed (`top_speed_of`), and with the points that have to be above the floor there.
+    before at its top speed (`top_speed_of`), with the points that have to be above the floor there, and with arms kept
+    out of what they shouldn't be in (`skeleton.apart`).
 
     Args:
         robot: with a root that moves freely.
@@ -108,8 +118,10 @@ def follow(
         first_wxyz: root_to_world from which it begins, shape (4,).
         fps: frames per second.
         top_speed: of a joint, as a multiple of what the model allows.
+        solids: around the robot's bones, to keep its arms out of; none by default.
 
     Raises:
+        UnknownNameError: a solid's bone isn't one of the robot's; lists the bones.
         UserError: the extra `retarget` isn't installed.
     """
     try:
@@ -132,9 +144,11 @@ def follow(
     neutral[:7] = pin.SE3ToXYZQUAT(placement)
 
     state = pink.Configuration(model, model.createData(), neutral, copy_data=False)
-    tasks = [pink.tasks.FrameTask(_frame_name(t), 0.0, 0.0) for t in targets]
+    tasks = [pink.tasks.FrameTask(_frame_name(t), 0.0, 0.0, lm_damping=_CAUTION) for t in targets]
     posture = pink.tasks.PostureTask(cost=_POSTURE_COST)
-    limits: list[Any] = [pink.limits.ConfigurationLimit(model, config_limit_gain=1.0)]
+    apart = [Apart(robot, solids, model)] if solids else []
+    all_tasks: list[Any] = [*tasks, posture, *apart]
+    limits: list[Any] = [pink.limits.ConfigurationLimit(model, config_limit_gain=1.0), *apart]
     limits += [
         _Floor(index, target.above_floor)
         for target, index in zip(targets, frames, strict=True)
@@ -149,8 +163,6 @@ def follow(
         before = state.q
         posture.set_target(pin.interpolate(model, before, neutral, back))
         for target, task, index in zip(targets, tasks, frames, strict=True):
-            if target.position_costs is not None:
-                task.set_position_cost(float(target.position_costs[frame]))
             if target.rotation_costs is not None:
                 task.set_orientation_cost(float(target.rotation_costs[frame]))
             task.set_target(_wanted_pose(target, frame, state.data.oMf[index]))
@@ -158,7 +170,10 @@ def follow(
             origin, most = (before, reach) if frame else (state.q, _FIRST_STEP)
             model.lowerPositionLimit = np.maximum(lower, origin - most)
             model.upperPositionLimit = np.minimum(upper, origin + most)
-            step = pink.solve_ik(state, [*tasks, posture], 1.0, "daqp", damping=_DAMPING, limits=limits)
+            _yield(targets, tasks, frames, frame, state)
+            for arms in apart:
+                arms.look_at(state)
+            step = pink.solve_ik(state, all_tasks, 1.0, "daqp", damping=_DAMPING, limits=limits)
             q = pin.integrate(model, state.q, step)
             q[7:] = np.clip(q[7:], model.lowerPositionLimit[7:], model.upperPositionLimit[7:])
             state.update(q)
@@ -175,6 +190,22 @@ def follow(
         {name: positions[:, k] for k, name in enumerate(names)},
         {name: quats[:, k] for k, name in enumerate(names)},
     )
+
+
+def _yield(targets: Sequence[Target], tasks: Sequence[Any], frames: Sequence[int], frame: int, state: Any) -> None:
+    """Set what places cost, so that what is farther off than it yields is pulled no harder for it.
+
+    The weights of Huber's loss in iterated least squares (Huber 1964, "Robust estimation of a location parameter",
+    Ann. Math. Stat. 35:73).
+    """
+    for target, task, index in zip(targets, tasks, frames, strict=True):
+        if target.positions is None or target.position_costs is None:
+            continue
+        cost = float(target.position_costs[frame])
+        if target.yields is not None:
+            off = float(np.linalg.norm(target.positions[frame] - state.data.oMf[index].translation))
+            cost *= math.sqrt(target.yields / max(off, target.yields))
+        task.set_position_cost(cost)
 
 
 class _Floor:

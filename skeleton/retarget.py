@@ -12,6 +12,7 @@ from motions.clip import Clip
 from motions.errors import ValueRangeError
 from motions.roles import SIDES
 from skeleton import footing
+from skeleton.hitboxes import Hitboxes
 from skeleton.inverse import Followed, Target, follow, hinges, top_speed_of
 from skeleton.model import Skeleton
 from skeleton.rest import RestPose
@@ -21,19 +22,23 @@ from skeleton.scaled_source import ScaledSource, body_axes, scaled_source, stand
 FloatArray = NDArray[np.float64]
 
 _POSITION_COSTS = {
-    "pelvis": 4.0,
+    "pelvis": 12.0,
     "upper_arm": 1.0,
     "forearm": 1.0,
-    "hand": 8.0,
-    "shin": 2.0,
-    "foot": 6.0,
+    "hand": 10.0,
+    "shin": 6.0,
+    "foot": 18.0,
 }
-"""Cost of a metre: feet and hands before what leads to them."""
+"""Cost of a metre: feet and hands before what leads to them. The legs' costs are high against the arms': where
+arms of robots lose their way, at the limits of their joints, the trunk is not to lean after them."""
 
-_STANDING_COST = 40.0
+_HAND_YIELDS = 0.04
+"""A hand that is farther off than this [m] pulls no harder."""
+
+_STANDING_COST = 120.0
 """Cost of a metre of a foot that stands: it stays, whatever else does not."""
 
-_ROTATION_COSTS = {"pelvis": 1.5, "chest": 1.5, "head": 0.3, "foot": 0.3, "hand": 0.15}
+_ROTATION_COSTS = {"pelvis": 4.0, "chest": 4.0, "head": 0.3, "foot": 0.9, "hand": 0.15}
 """Cost of a radian."""
 
 _LEVEL_COST = 3.0
@@ -91,7 +96,12 @@ class Retargeted:
 
 
 def retarget(
-    clip: Clip, robot: Skeleton, *, roles: Mapping[str, str] | None = None, top_speed: float = math.inf
+    clip: Clip,
+    robot: Skeleton,
+    *,
+    hitboxes: Hitboxes | None = None,
+    roles: Mapping[str, str] | None = None,
+    top_speed: float = math.inf,
 ) -> Retargeted:
     """Make a robot move as a clip does.
 
@@ -102,6 +112,8 @@ def retarget(
     Args:
         clip: a motion of a body with legs and arms.
         robot: from `Skeleton.from_urdf`, with a floating base, standing level in its neutral configuration.
+        hitboxes: of the robot, which its arms are kept out of as far as the places of its hands allow; None to let them
+            pass through it. A narrow actor's hands are closer to the hips than a wide robot's can be.
         roles: joint names for the clip's roles that aren't found or are found wrongly.
         top_speed: of a joint, as a multiple of what the robot's model allows; what is more than
             `skeleton.inverse.FASTEST` is cut to it. By default the robot follows as an actor would, and what it could
@@ -109,7 +121,7 @@ def retarget(
 
     Raises:
         UnknownNameError: a shoulder or a part of a leg has no joint in the clip or in the robot, or an override's role
-            or joint doesn't exist.
+            or joint doesn't exist, or a hitbox is on a bone that the robot doesn't have.
         ValueRangeError: the robot is the body of a clip, or has a fixed base; a top speed of 0 or less.
         FileError: a mesh of the robot's feet can't be read.
         UserError: the extra `retarget` isn't installed.
@@ -125,7 +137,7 @@ def retarget(
     source = scaled_source(clip, robot, soles.ankle_height, roles=roles)
     targets = _targets(robot.rest, source, soles, standing, clip.fps)
     root = _root_pose(robot.rest, source.points["pelvis"][0], source.rotations["pelvis"][0])
-    followed = follow(robot, targets, *root, clip.fps, top_speed)
+    followed = follow(robot, targets, *root, clip.fps, top_speed, solids=() if hitboxes is None else hitboxes.solids)
 
     feet = {side: f"{side}_foot" for side in SIDES}
     heights = {
@@ -198,6 +210,7 @@ def _targets(
                 directions=source.directions.get(role),
                 position_costs=_blend(_POSITION_COSTS[part], _STANDING_COST, held) if role in points else None,
                 rotation_costs=_blend(_ROTATION_COSTS[part], _LEVEL_COST, held) if part in _ROTATION_COSTS else None,
+                yields=_HAND_YIELDS if part == "hand" else None,
                 above_floor=ground,
             )
         )

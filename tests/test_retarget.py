@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pink
 import pinocchio as pin
 import pytest
 from hypothesis import given, settings
@@ -17,9 +18,12 @@ from hypothesis.extra import numpy as hnp
 
 import motions
 from motions import Clip, UnknownNameError, UserError, ValueRangeError, quaternions
-from skeleton import Skeleton, footing, retarget
+from skeleton import Hitboxes, Skeleton, footing, hitboxes_of, retarget
+from skeleton.apart import Apart
+from skeleton.crossings import crossings
 from skeleton.geometry import link_surfaces
 from skeleton.inverse import FASTEST, Followed
+from skeleton.placed import as_capsules
 from skeleton.retarget import _lifted
 from skeleton.scaled_source import bent_joint
 
@@ -31,6 +35,11 @@ NEAR = 0.05
 @cache
 def robot(name: str) -> Skeleton:
     return Skeleton.from_urdf(name)
+
+
+@cache
+def hitboxes(name: str) -> Hitboxes:
+    return hitboxes_of(robot(name))
 
 
 @cache
@@ -166,6 +175,68 @@ def test_soles_stand_still_and_level_on_the_floor(name: str):
     # The points that are watched miss a vertex between them by 1.1 mm at most.
     assert -0.0012 < min(lowest) < 0.001
     assert result.clearance == pytest.approx(0, abs=1e-12)
+
+
+CLOSER = 0.25
+"""Share of its depth without hitboxes that an arm kept out of things may still be in them."""
+
+
+@pytest.mark.parametrize("name", ["g1", "human"])
+def test_arms_stay_out_of_the_rest_and_hands_near_the_source(name: str):
+    body, clip = robot(name), motions.load("spin").resample(30).trim(0.0, 3.5)
+    depths = []
+    for kept in (None, hitboxes(name)):
+        result = retarget(clip, body, hitboxes=kept)
+        track = body.track(result.motion)
+        found = crossings(track, as_capsules(hitboxes(name).solids))
+        depths.append(max((f.figure for f in found if any(is_arm(part) for part in f.parts)), default=0.0))
+        assert max(result.errors[f"{side}_hand"].max for side in SIDES) < NEAR
+    assert depths[0] > 0.04
+    assert depths[1] < CLOSER * depths[0]
+
+
+def is_arm(solid: str) -> bool:
+    return any(part in solid for part in ("hand", "forearm", "wrist"))
+
+
+def test_how_far_arms_are_from_the_rest_changes_by_the_slopes_that_the_solver_gets():
+    body = robot("g1")
+    model = body.model
+    apart = Apart(body, hitboxes("g1").solids, model)
+    # Without hitboxes the hands go into the hips in the walk.
+    configuration = pink.Configuration(model, model.createData(), walked("g1").motion.configurations[38])
+
+    def gaps(step: np.ndarray) -> np.ndarray:
+        moved = pink.Configuration(model, model.createData(), pin.integrate(model, configuration.q, step))
+        apart.look_at(moved)
+        return apart.compute_qp_inequalities(moved, 1.0)[1]
+
+    apart.look_at(configuration)
+    inequalities, rooms = apart.compute_qp_inequalities(configuration, 1.0)
+    slopes, (hessian, gradient) = -inequalities, apart.compute_qp_objective(configuration)
+    assert len(slopes) > 20
+    h = 1e-4
+    steps = [h * np.eye(model.nv)[k] for k in range(model.nv)]
+    numeric = np.stack([(gaps(step) - gaps(-step)) / (2 * h) for step in steps], axis=1)
+    # Solids that overlap may go a little farther in, whatever they do; the others' gaps change with each step. Coal
+    # gives distances of polyhedra to 1e-6 m.
+    open_gaps = np.abs(numeric).max(axis=1) > 0.0
+    assert open_gaps.sum() > 10
+    assert np.abs(numeric - slopes)[open_gaps].max() < 2 * 1e-6 / h
+    # Without inequalities, the step that costs least takes apart what overlaps.
+    overlaps = rooms == rooms.min()
+    assert overlaps.sum() == 3
+    step = -np.linalg.lstsq(hessian, gradient, rcond=1e-9)[0]
+    assert (slopes[overlaps] @ step > 0.0).all()
+
+
+def test_a_trunk_does_not_lean_after_hands_that_are_out_of_reach():
+    # From here Talos's arms don't find their way across its chest, where this clip soon holds its hands.
+    clip = motions.load("spin").resample(30).trim(0.0, 2.4)
+    result = retarget(clip, robot("talos"))
+    assert max(result.errors[f"{side}_hand"].max for side in SIDES) > NEAR
+    assert result.errors["pelvis"].max < NEAR
+    assert max(result.turns[role].max for role in ("pelvis", "chest")) < 0.1
 
 
 def test_what_cannot_get_out_of_the_way_is_lifted_off_the_floor():

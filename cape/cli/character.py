@@ -57,27 +57,29 @@ def read_character(reading: Reading, *, hitboxes: str | None = None) -> Characte
     if reading.skeleton is None:
         clip = reading.load()
         body = reading.body(clip)
-        return _character(clip.name, body, body.track(clip), hitboxes or BY_PROPORTIONS, clip.decisions)
+        solids = find_hitboxes(body, hitboxes or BY_PROPORTIONS)
+        return _character(clip.name, body, body.track(clip), solids, clip.decisions)
     robot = reading.robot(reading.skeleton)
+    solids = find_hitboxes(robot, hitboxes or "limbs")
     if (path := reading.configuration_file) is not None:
         motion, retargeted, before = reading.configurations(path, robot), None, ()
     else:
         clip = reading.load()
-        retargeted = retarget(clip, robot)
+        retargeted = retarget(clip, robot, hitboxes=solids)
         motion, before = retargeted.motion, clip.decisions
     track = robot.track(motion)
     fps = reading.frame_rate or min(track.fps, MOST_FPS)
     # A frame rate is a quotient of times, so that 60 may come out a hair above it.
     track = track if abs(fps - track.fps) < 1e-6 * fps else track.resample(fps)
     decisions = (*robot.decisions, *before, *motion.decisions)
-    return _character(motion.name, robot, track, hitboxes or "limbs", decisions, retargeted)
+    return _character(motion.name, robot, track, solids, decisions, retargeted)
 
 
 def _character(
     name: str,
     body: Skeleton,
     track: BoneTrack,
-    hitboxes: str,
+    hitboxes: Hitboxes,
     decisions: tuple[str, ...],
     retargeted: Retargeted | None = None,
 ) -> Character:
@@ -87,8 +89,7 @@ def _character(
             surfaces = link_surfaces(body, "visual")
         except FileError as error:
             decisions = (*decisions, f"not drawn: {error}")
-    solids = find_hitboxes(body, hitboxes)
-    return Character(name, body, track, solids, surfaces, retargeted, (*decisions, *solids.decisions))
+    return Character(name, body, track, hitboxes, surfaces, retargeted, (*decisions, *hitboxes.decisions))
 
 
 def find_hitboxes(body: Skeleton, asked: str) -> Hitboxes:

@@ -38,7 +38,7 @@ def main() -> None:
             clip = motions.load(clip_name)
             clip = clip.resample(MOST_FPS) if clip.fps > MOST_FPS else clip
             begun = time.perf_counter()
-            found = retarget(clip, body)
+            found = retarget(clip, body, hitboxes=hitboxes)
             spent = time.perf_counter() - begun
             errors = [e for role, e in found.errors.items() if role.rpartition("_")[2] in LIMBS]
             off = f"{100 * max(e.rms for e in errors):.1f}, {100 * max(e.max for e in errors):.1f} cm"
