@@ -83,7 +83,7 @@ def contacts_of(scene: Scene, cloth: Cloth, free: NDArray[np.bool_]) -> tuple[Co
     groups, orders, faces = [], [], []
     tiles = -(-len(free) // TILE)
     shared = {"spreads": np.zeros((tiles, 3)), "alarm": np.zeros(tiles + 1, dtype=np.int64)}
-    for record, makers in KINDS.items():
+    for record, makers in _kinds_for(scene).items():
         order = [i for i, collider in enumerate(scene.colliders) if type(collider) in makers]
         if not order:
             continue
@@ -97,6 +97,18 @@ def contacts_of(scene: Scene, cloth: Cloth, free: NDArray[np.bool_]) -> tuple[Co
     layers = layers_of(scene, cloth, **shared)
     pressure = None if layers is None else layers.pressure
     return Contacts(free, tuple(groups) or None, tuple(faces) or None, layers, pressure), tuple(orders)
+
+
+def _kinds_for(scene: Scene) -> dict[type[Shapes], dict[type[Collider], Callable[..., Layout]]]:
+    """`KINDS`; where there are tapered capsules, all round colliders are records of theirs.
+
+    Only colliders of one kind see that they pinch cloth between them.
+    """
+    if not any(isinstance(collider, TaperedCapsule) for collider in scene.colliders):
+        return KINDS
+    round_ones = KINDS[shapes.Capsules] | KINDS[shapes.TaperedCapsules]
+    others = {record: makers for record, makers in KINDS.items() if record is not shapes.Capsules}
+    return others | {shapes.TaperedCapsules: round_ones}
 
 
 def for_another_thread(contacts: Contacts) -> Contacts:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import cape
-from cape import Capsule, Cloth, Pose, Scene, Simulation, attach
+from cape import Capsule, Cloth, Collider, Pose, Scene, Simulation, TaperedCapsule, attach
 from cape.hanging import Hanging
 from cape.kernels.contact import EXIT
 from cape.report.cases import CASES
@@ -96,12 +96,15 @@ def test_a_frame_that_is_taken_back_forgets_what_it_has_pinched(monkeypatch: pyt
     assert not shapes.pinched.any()
 
 
-@pytest.mark.parametrize("name", ["euler", "xpbd"])
-def test_a_sheet_that_hangs_through_two_limbs_that_overlap_for_ever_hangs_still(name: str):
+@pytest.mark.parametrize(("name", "tapered"), [("euler", False), ("xpbd", False), ("euler", True)])
+def test_a_sheet_that_hangs_through_two_limbs_that_overlap_for_ever_hangs_still(name: str, tapered: bool):
     sheet = Cloth.rectangle(width=0.6, height=0.6, spacing=0.04, origin=(0.0, 0.3, 1.5))
     half = np.array([0.0, 0.4, 0.0])
     middles = [np.array([x, 0.0, HEIGHT]) for x in (-0.03, 0.03)]
-    limbs = [Capsule(f"limb {k}", None, x - half, x + half, RADIUS) for k, x in enumerate(middles)]
+    limbs: list[Collider] = [Capsule(f"limb {k}", None, x - half, x + half, RADIUS) for k, x in enumerate(middles)]
+    if tapered:
+        start, end = middles[0] - half, middles[0] + half
+        limbs[0] = TaperedCapsule(name="thigh", start=start, end=end, start_radius=RADIUS, end_radius=RADIUS)
     simulation = Simulation(Scene(sheet, [attach(sheet, "rod", "top")], limbs), solver=cape.solver(name), threads=1)
     simulation.start({"rod": (np.zeros(3), [1.0, 0.0, 0.0, 0.0])})
     meter = simulation.meter()

@@ -59,11 +59,20 @@ def test_every_collider_has_one_kind_and_every_kind_a_distance():
     assert set(KINDS) == set(DISTANCES) == set(Shapes.__subclasses__())
 
 
-def test_colliders_are_grouped_by_kind_and_told_apart():
+@pytest.mark.parametrize(
+    ("arm", "kinds", "grouped"),
+    [
+        (Capsule("arm", "a", np.zeros(3), np.ones(3), 0.1), [Capsules, Boxes, Planes], ([1, 2, 3], [4], [0, 5])),
+        # What is round is of one kind, so that it is seen to pinch what is between.
+        (TaperedCapsule(name="arm", bone="a"), [TaperedCapsules, Boxes, Planes], ([1, 2, 3], [4], [0, 5])),
+    ],
+    ids=["capsule", "tapered"],
+)
+def test_colliders_are_grouped_by_kind_and_told_apart(arm, kinds, grouped):
     named = [
         Plane(name="floor", friction=0.7),
         Sphere(name="head", bone="b", thickness=0.02),
-        TaperedCapsule(name="arm", bone="a"),
+        arm,
         Capsule("leg", "a", np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.1),
         Box(name="table"),
         Plane(name="wall", bone="a"),
@@ -71,9 +80,8 @@ def test_colliders_are_grouped_by_kind_and_told_apart():
     scene = Scene(CLOTH, colliders=named, friction=0.1, thickness=0.003)
     groups, order = contacts(*named, friction=0.1, thickness=0.003)
     assert groups.groups is not None
-    kinds = [type(g) for g in groups.groups]
-    assert kinds == [Capsules, TaperedCapsules, Boxes, Planes]
-    assert order == ([1, 3], [2], [4], [0, 5])
+    assert [type(g) for g in groups.groups] == kinds
+    assert order == grouped
     for group, indices in zip(groups.groups, order, strict=True):
         for c, index in enumerate(indices):
             collider = named[index]
