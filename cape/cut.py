@@ -182,8 +182,8 @@ def _worn(curve: FloatArray, columns: int) -> FloatArray:
 
 
 def _held_end(columns: int) -> int:
-    """Number of vertices at either end of the top row that a shoulder holds."""
-    return max(2, columns // 8)
+    """Number of vertices at either end of the top row that a shoulder holds: an eighth of it, to the nearest."""
+    return max(2, round((columns - 1) / 8))
 
 
 def _length(curve: FloatArray) -> float:

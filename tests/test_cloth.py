@@ -163,6 +163,15 @@ def test_the_top_row_is_its_two_ends_and_its_middle(cloth: GridCloth):
     assert len(parts[0]) == len(parts[2]) >= 2
 
 
+def test_a_shoulder_holds_an_eighth_of_the_top_row_to_the_nearest_vertex():
+    held = {
+        cloth.columns: len(cloth.region("top_left"))
+        for cloth in (Cloth.cape(length=1.1, spacing=spacing) for spacing in (0.03, 0.025, 0.02, 0.015))
+    }
+    # Of 18, 22, 27 and 36 cells: 2.25, 2.75, 3.4 and 4.5.
+    assert held == {19: 2, 23: 3, 28: 3, 37: 4}
+
+
 def test_a_cape_is_worn_around_the_back_of_the_neck():
     cloth = CUTS["cape"]
     assert cloth.neckline is not None
