@@ -5,7 +5,9 @@ import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 
-from cape.report.plan import Plan
+from cape.report.cases import CASES
+from cape.report.plan import FREE, Plan
+from cape.report.stability import compile_case
 from cape.report.trajectory import EXACT, Setting, Stage
 from cape.scenes import standard_scene
 from cape.team import available_cores
@@ -18,11 +20,14 @@ def compile_all(plan: Plan, told: Callable[[int], Callable[[], None]] = lambda s
         return
     settings = [EXACT, *(Setting(solver) for solver in plan.solvers)]
     # The last ones first: those with contact stand behind the others, and take longest.
-    tasks = [(scene, setting) for scene in reversed(plan.scenes) for setting in settings]
-    done = told(len(tasks))
+    scenes = [(scene, setting) for scene in reversed(plan.scenes) for setting in settings]
+    cases = [(case, solver) for case in plan.cases if case not in FREE for solver in plan.solvers]
+    done = told(len(scenes) + len(cases))
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_leave_interrupts)
     try:
-        for compiled in as_completed([pool.submit(_compile, *task) for task in tasks]):
+        begun = [pool.submit(_compile, *task) for task in scenes]
+        begun += [pool.submit(_compile_case, *task) for task in cases]
+        for compiled in as_completed(begun):
             compiled.result()
             done()
     except BaseException:
@@ -41,3 +46,8 @@ def _leave_interrupts() -> None:
 def _compile(scene: str, setting: Setting) -> None:
     """Compile what a scene needs with a solver; runs in a process of its own."""
     Stage(standard_scene(scene), seconds=0.1).run(setting)
+
+
+def _compile_case(case: str, solver: str) -> None:
+    """Compile what a stress case needs with a solver, likewise."""
+    compile_case(CASES[case], solver)

@@ -1,5 +1,6 @@
 """Every stress case times every solver: passes, degrades or fails, and by how much."""
 
+import contextlib
 import math
 import time
 from collections.abc import Sequence
@@ -104,16 +105,13 @@ def stress(case: Case, solver: str, *, repeats: int) -> Outcome:
 def _run(case: Case, standard: StandardScene, solver: str, rng: np.random.Generator) -> _Run:
     """Take a case's motion once."""
     scene, track = standard.scene, standard.track
-    simulation = Simulation(scene, solver=SOLVERS[solver](), threads=1, cuts=case.cuts)
-    poses = poses_of(track, simulation.bones)
+    simulation, poses = _simulation(case, standard, solver)
     scale = float(np.linalg.norm(scene.gravity)) * float(np.ptp(scene.cloth.pattern, axis=0).max())
     still = still_from(poses) if scene.wind is None or not np.any(scene.wind.velocity) else track.frames
     stretch = penetration = spent = 0.0
     growth, rested, broke = math.nan, math.nan, ""
     try:
-        simulation.start(poses[0])
-        simulation.disturb(case.disturb(rng, simulation.positions))
-        simulation.forecast(float(track.times[1] - track.times[0]))  # compiles
+        _begin(case, standard, simulation, poses[0], rng)
         meter = simulation.meter()
         for frame in range(1, track.frames):
             begun = time.perf_counter()
@@ -135,6 +133,27 @@ def _run(case: Case, standard: StandardScene, solver: str, rng: np.random.Genera
         broke = str(error)
     retaken = simulation.retried + simulation.refined + simulation.unconverged
     return _Run(stretch, penetration, growth, spent, retaken, broke)
+
+
+def compile_case(case: Case, solver: str) -> None:
+    """Begin a case with a solver, which compiles what it needs."""
+    standard = case.build()
+    simulation, poses = _simulation(case, standard, solver)
+    with contextlib.suppress(Diverged):  # the run will tell
+        _begin(case, standard, simulation, poses[0], np.random.default_rng(0))
+
+
+def _simulation(case: Case, standard: StandardScene, solver: str) -> tuple[Simulation, list[Pose]]:
+    """A simulation of the case's scene, and the poses of its motion."""
+    simulation = Simulation(standard.scene, solver=SOLVERS[solver](), threads=1, cuts=case.cuts)
+    return simulation, poses_of(standard.track, simulation.bones)
+
+
+def _begin(case: Case, standard: StandardScene, simulation: Simulation, pose: Pose, rng: np.random.Generator) -> None:
+    """Put the cloth on, disturb it, and compile."""
+    simulation.start(pose)
+    simulation.disturb(case.disturb(rng, simulation.positions))
+    simulation.forecast(float(standard.track.times[1] - standard.track.times[0]))
 
 
 def still_from(poses: Sequence[Pose]) -> int:
