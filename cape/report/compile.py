@@ -5,7 +5,6 @@ import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 
-from cape.report.cases import CASES
 from cape.report.plan import FREE, Plan
 from cape.report.stability import compile_case
 from cape.report.trajectory import EXACT, Setting, Stage
@@ -26,7 +25,7 @@ def compile_all(plan: Plan, told: Callable[[int], Callable[[], None]] = lambda s
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_leave_interrupts)
     try:
         begun = [pool.submit(_compile, *task) for task in scenes]
-        begun += [pool.submit(_compile_case, *task) for task in cases]
+        begun += [pool.submit(compile_case, *task) for task in cases]
         for compiled in as_completed(begun):
             compiled.result()
             done()
@@ -46,8 +45,3 @@ def _leave_interrupts() -> None:
 def _compile(scene: str, setting: Setting) -> None:
     """Compile what a scene needs with a solver; runs in a process of its own."""
     Stage(standard_scene(scene), seconds=0.1).run(setting)
-
-
-def _compile_case(case: str, solver: str) -> None:
-    """Compile what a stress case needs with a solver, likewise."""
-    compile_case(CASES[case], solver)

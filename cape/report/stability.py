@@ -10,7 +10,7 @@ import numpy as np
 
 from cape.bench.figures import Figures
 from cape.poses import Pose, poses_of
-from cape.report.cases import Case
+from cape.report.cases import CASES, Case
 from cape.scenes import StandardScene
 from cape.simulation import Diverged, Simulation
 from cape.solvers import SOLVERS
@@ -135,8 +135,9 @@ def _run(case: Case, standard: StandardScene, solver: str, rng: np.random.Genera
     return _Run(stretch, penetration, growth, spent, retaken, broke)
 
 
-def compile_case(case: Case, solver: str) -> None:
-    """Begin a case with a solver, which compiles what it needs."""
+def compile_case(name: str, solver: str) -> None:
+    """Begin the case of that name with a solver, which compiles what it needs."""
+    case = CASES[name]
     standard = case.build()
     simulation, poses = _simulation(case, standard, solver)
     with contextlib.suppress(Diverged):  # the run will tell
