@@ -23,7 +23,8 @@ _COST = 12.0
 
 _YIELDS = 0.006
 """Depth of solids in each other [m] at which they are pushed apart the hardest, by Cauchy's loss (weights as in
-Holland and Welsch 1977, "Robust regression using iteratively reweighted least-squares"); what is much deeper is let be, as a robot's hips may be so much wider than an actor's that its hands belong in them."""
+Holland and Welsch 1977, "Robust regression using iteratively reweighted least-squares"); what is much deeper is let
+be, as a robot's hips may be so much wider than an actor's that its hands belong in them."""
 
 _NOTICED = 0.1
 """Solids closer than this [m] are not to get into each other at once."""
