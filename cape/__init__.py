@@ -1,22 +1,22 @@
 """Cloth on moving bones: `Cloth`, `attach`, `Scene`, `simulate`, and `Simulation` for one's own loop."""
 
-from cape.attach import Attachment, attach
-from cape.auto import Auto, AutoSimulation
-from cape.batch import Batch
-from cape.cloth import Cloth, GridCloth, MeshCloth
-from cape.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
-from cape.cuts import Cuts
-from cape.dress import dress
-from cape.fabric import FABRICS, Fabric, fabric
-from cape.ledger import Balance, Ledger
-from cape.poses import Pose
-from cape.scene import Scene
-from cape.self_contact import SelfContact
-from cape.simulate import SlowWarning, simulate
-from cape.simulation import Diverged, Simulation
+from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
+from cape.cloth.fabric import FABRICS, Fabric, fabric
+from cape.measure.ledger import Balance, Ledger
+from cape.results.take import Take
+from cape.run.auto import Auto, AutoSimulation
+from cape.run.batch import Batch
+from cape.run.simulate import SlowWarning, simulate
+from cape.run.simulation import Diverged, Simulation
+from cape.scene.attachments import Attachment, attach
+from cape.scene.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
+from cape.scene.dress import dress
+from cape.scene.jumps import Cuts
+from cape.scene.poses import Pose
+from cape.scene.scene import Scene
+from cape.scene.self_contact import SelfContact
+from cape.scene.wind import Wind
 from cape.solvers import SOLVERS, TRBDF2, XPBD, BackwardEuler, Solver, SymplecticEuler, solver
-from cape.take import Take
-from cape.wind import Wind
 from motions.errors import UserError
 from skeleton.shapes import Capsule
 

@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cape import wear
-from cape.assemble import assemble
-from cape.cloth import Cloth
-from cape.cuts import Cuts, rigid_motion
-from cape.poses import Pose, read_pose
-from cape.scene import Scene
-from cape.springs import springs_of
+from cape.assembly import putting_on
+from cape.assembly.assemble import assemble
+from cape.assembly.springs import springs_of
+from cape.cloth.cloth import Cloth
+from cape.scene.jumps import Cuts, rigid_motion
+from cape.scene.poses import Pose, read_pose
+from cape.scene.scene import Scene
 from motions import quaternions
-from skeleton.measures import signed_distance
+from skeleton.solid_measures import signed_distance
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
@@ -89,7 +89,7 @@ def reach_of(scene: Scene, track: BoneTrack, *, stretch: float = STRETCH) -> Rea
     if held is None:
         return Reach(np.inf, stretch, dict.fromkeys(names, -np.inf), dict.fromkeys(names, 0))
     clearances = [held.clearance(c) for c in range(len(names))]
-    # Bones hold a vertex that is in a collider at the collider's surface instead (`kernels.attachments`).
+    # Bones hold a vertex that is in a collider at the collider's surface instead (`kernels.solve.attachments`).
     skins = [_thickness(scene, c) + held.spreads for c in range(len(names))]
     inside = [np.maximum(skin - distances, 0.0) for skin, (distances, _) in zip(skins, clearances, strict=True)]
     radii = held.radii + held.left_behind(track.times) + np.sum(inside, axis=0).max(axis=0, initial=0.0)
@@ -162,8 +162,8 @@ class _Held:
             read_pose(Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]), scene.bones)
             for f in range(track.frames)
         ]
-        start = wear.placed(scene, poses[0])
-        held = [wear.held_by(scene, attachment, poses[0], start) for attachment in scene.attachments]
+        start = putting_on.placed(scene, poses[0])
+        held = [putting_on.held_by(scene, attachment, poses[0], start) for attachment in scene.attachments]
         vertices = np.concatenate([*held, np.empty(0, np.int64)])
         distances, nearest = geodesic_distances(scene.cloth, vertices)
         if (nearest < 0).any():
@@ -171,14 +171,14 @@ class _Held:
         assembly = assemble(scene, held)
         if assembly.attached is None:
             return None
-        worn, spread = wear.hold_points(assembly, poses[0], held, start)
+        worn, spread = putting_on.hold_points(assembly, poses[0], held, start)
         bones = assembly.attached.bones
         poses = [poses[0]] * (PUT_ON_SAMPLES - 1) + poses
         positions = np.stack([pose.positions for pose in poses])
         rotations = np.stack([pose.rotations_wxyz for pose in poses])
         farthest = (1.0 + stretch) * distances
         # Wherever the cloth starts, and where its neckline is tried for being in a collider.
-        for at, places in ((spread, start), (worn, wear.places_worn(scene, poses[0], start))):
+        for at, places in ((spread, start), (worn, putting_on.places_worn(scene, poses[0], start))):
             held_at = positions[0, bones] + quaternions.rotate(rotations[0, bones], at)
             farthest = np.maximum(farthest, np.linalg.norm(places - held_at[nearest], axis=1))
         radii = np.zeros(len(vertices))

@@ -3,15 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cape import wear
-from cape.colliders import Collider, Plane
-from cape.poses import Pose, poses_of, read_pose
-from cape.scene import Scene
+from cape.assembly import putting_on
+from cape.scene.colliders import Collider, Plane
+from cape.scene.poses import Pose, poses_of, read_pose
+from cape.scene.scene import Scene
 from motions import quaternions
-from skeleton.findings import Finding
-from skeleton.measures import signed_distance
-from skeleton.placed import in_world
+from skeleton.checks.findings import Finding
+from skeleton.placed_solids import in_world
 from skeleton.shapes import balls_of
+from skeleton.solid_measures import signed_distance
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
@@ -39,7 +39,7 @@ def check_start(scene: Scene, track: BoneTrack) -> tuple[Finding, ...]:
     """
     first = track.first(1)
     pose = read_pose(poses_of(first, scene.bones)[0], scene.bones)
-    start = wear.placed(scene, pose)
+    start = putting_on.placed(scene, pose)
     held = _held_points(scene, pose, start)
     loose = np.delete(start, np.concatenate([*(v for _, v, _ in held), np.empty(0, np.int64)]), axis=0)
     cloth, holds = [], []
@@ -52,10 +52,10 @@ def check_start(scene: Scene, track: BoneTrack) -> tuple[Finding, ...]:
 
 def _held_points(scene: Scene, pose: Pose, start: FloatArray) -> list[tuple[str, NDArray[np.int64], FloatArray]]:
     """For each attachment the bone, the vertices, and where it holds them once the cloth is put on [m], (n, 3)."""
-    worn = wear.places_lifted(scene, pose, start)
+    worn = putting_on.places_lifted(scene, pose, start)
     held = []
     for attachment in scene.attachments:
-        vertices = wear.held_by(scene, attachment, pose, start)
+        vertices = putting_on.held_by(scene, attachment, pose, start)
         points = worn[vertices]
         if attachment.points is not None:
             bone = scene.bones.index(attachment.bone)

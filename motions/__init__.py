@@ -3,10 +3,10 @@
 from motions.bvh.writer import save
 from motions.clip import Clip, Poses
 from motions.errors import FileError, UnknownNameError, UserError, ValueRangeError
-from motions.graph import MotionGraph, Transition
+from motions.graph.motion_graph import MotionGraph, Transition
+from motions.graph.script import Step, format_script, parse_script
 from motions.loading import load
 from motions.roles import ROLES, find_roles, require_role
-from motions.script import Step, format_script, parse_script
 from motions.shipped import clip_names, clip_path
 
 __all__ = [

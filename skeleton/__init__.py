@@ -1,15 +1,15 @@
 """Characters: joint trees as Pinocchio models, bones in the world, solids around limbs, motions on robots."""
 
-from skeleton.check import check_motion
-from skeleton.collision import add_to_geometry_model
-from skeleton.configurations import column_names, load_configurations
-from skeleton.findings import Finding
-from skeleton.geometry import LinkSurface, link_surfaces
-from skeleton.hitboxes import Hitboxes, hitboxes_of, load_hitboxes
+from skeleton.checks.check import check_motion
+from skeleton.checks.findings import Finding
+from skeleton.known_robots import ROBOTS
 from skeleton.model import Skeleton
-from skeleton.retarget import Retargeted, retarget
+from skeleton.retargeting.retarget import Retargeted, retarget
+from skeleton.robot.collision_geometry import add_to_geometry_model
+from skeleton.robot.configurations import column_names, load_configurations
+from skeleton.robot.hitboxes import Hitboxes, hitboxes_of, load_hitboxes
+from skeleton.robot.link_surfaces import LinkSurface, link_surfaces
 from skeleton.robot_motion import RobotMotion
-from skeleton.robots import ROBOTS
 from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack
 

@@ -17,9 +17,9 @@ from motions.conventions import to_z_up
 from motions.errors import FileError, UnknownNameError, ValueRangeError
 from motions.roles import find_roles, require_role
 from skeleton.capsules import Capsule, body_capsules
+from skeleton.known_robots import RobotSource, find_urdf, known_roles, package_folders
 from skeleton.rest import RestPose, mean_rotations, missing_roles
 from skeleton.robot_motion import RobotMotion
-from skeleton.robots import RobotSource, find_urdf, known_roles, package_folders
 from skeleton.track import BoneTrack, nearest_parents
 
 if TYPE_CHECKING:

@@ -1,10 +1,11 @@
-"""Which way imports run: motions <- skeleton <- cape, kernels on numpy and numba (and what it builds on) alone, nothing
-heavy up front."""
+"""Which way imports run: motions <- skeleton <- cape, never in a circle, kernels on numpy and numba (and what it builds
+on) alone, nothing heavy up front; and that modules and rooms stay small."""
 
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 MODULES = sorted(p for package in ("motions", "skeleton", "cape") for p in (ROOT / package).rglob("*.py"))
 MOST_LINES = 450
+MOST_MODULES = 12  # side by side in a folder
 MAY_IMPORT = {"motions": {"motions"}, "skeleton": {"motions", "skeleton"}, "cape": {"motions", "skeleton", "cape"}}
 HEAVY = ("rerun", "pinocchio", "trimesh", "matplotlib", "pink", "typer", "rich")
 
@@ -35,7 +37,9 @@ def test_imports_run_one_way(module: Path):
     assert inside <= MAY_IMPORT[package]
 
 
-@pytest.mark.parametrize("module", sorted((ROOT / "cape" / "kernels").glob("*.py")), ids=lambda p: p.name)
+@pytest.mark.parametrize(
+    "module", sorted((ROOT / "cape" / "kernels").rglob("*.py")), ids=lambda p: str(p.relative_to(ROOT))
+)
 def test_kernels_know_numpy_and_numba_alone(module: Path):
     for name in imported(module):
         top = name.split(".")[0]
@@ -53,6 +57,67 @@ def test_motions_need_numpy_alone(module: Path):
 @modules
 def test_a_module_fits_a_chapter(module: Path):
     assert len(module.read_text().splitlines()) <= MOST_LINES
+
+
+@pytest.mark.parametrize("package", ["motions", "skeleton", "cape"])
+def test_a_room_is_taken_in_at_a_glance(package: str):
+    for folder in [ROOT / package, *(ROOT / package).rglob("*/")]:
+        assert len([p for p in folder.glob("*.py") if p.name != "__init__.py"]) <= MOST_MODULES, folder
+
+
+def dotted(module: Path) -> str:
+    """The name by which a file is imported."""
+    return ".".join(module.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def at_import(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
+    """The imports that run when a module is imported: those in no function."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Import | ast.ImportFrom):
+            yield child
+        elif not isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            yield from at_import(child)
+
+
+def graph_of_imports() -> dict[str, set[str]]:
+    """Which of the packages' modules each one imports as it is imported itself."""
+    files = {dotted(module): module for module in MODULES}
+    graph = {}
+    for name, module in files.items():
+        graph[name] = wanted = set[str]()
+        for node in at_import(ast.parse(module.read_text())):
+            if isinstance(node, ast.Import):
+                wanted |= {alias.name for alias in node.names}
+            else:
+                own = f"{node.module}."
+                wanted |= {own + a.name if own + a.name in files else node.module or "" for a in node.names}
+        wanted &= set(files)
+        wanted.discard(name)
+    return graph
+
+
+def circle(graph: Mapping[str, set[str]]) -> list[str]:
+    """Names that lead back to the first of them; empty where there is no circle."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
+
+
+def test_modules_import_each_other_in_no_circle():
+    assert circle(graph_of_imports()) == []
+
+
+@pytest.mark.parametrize("depth", [2, 3])
+def test_rooms_import_each_other_in_no_circle(depth: int):
+    def room(module: str) -> str:
+        return ".".join(module.split(".")[:depth])
+
+    rooms: dict[str, set[str]] = {}
+    for module, wanted in graph_of_imports().items():
+        rooms.setdefault(room(module), set()).update(map(room, wanted))
+    assert circle({name: wanted - {name} for name, wanted in rooms.items()}) == []
 
 
 @pytest.mark.parametrize("package", ["motions", "skeleton", "cape"])

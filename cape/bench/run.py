@@ -5,15 +5,15 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from cape.bench.capes import gains, measure_capes
-from cape.bench.features import Feature, measure_features
 from cape.bench.machine import machine, versions
-from cape.bench.plain import AIM_MS, Plain, measure_plain
 from cape.bench.plan import Plan
 from cape.bench.rows import Case, Row, measure
+from cape.bench.sections.capes import gains, measure_capes
+from cape.bench.sections.features import Feature, measure_features
+from cape.bench.sections.plain import AIM_MS, Plain, measure_plain
 from cape.bench.sheets import LAYOUTS
 from cape.solvers import SOLVERS
-from cape.team import available_cores
+from cape.solvers.threads import available_cores
 
 PRECISIONS = ("single", "double")
 LINEAR = 1.25  # times the cost per vertex of a small cloth: beyond it cost no longer grows linearly

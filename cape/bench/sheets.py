@@ -7,14 +7,14 @@ from typing import Final
 
 import numpy as np
 
-from cape.assemble import Assembly, assemble
-from cape.attach import attach
-from cape.cloth import Cloth
-from cape.colliders import Box, Plane
-from cape.fabric import Fabric
-from cape.scene import Scene
-from cape.scenes import StandardScene, swing
-from cape.wind import Wind
+from cape.assembly.assemble import Assembly, assemble
+from cape.cloth.cloth import Cloth
+from cape.cloth.fabric import Fabric
+from cape.scene.attachments import attach
+from cape.scene.colliders import Box, Plane
+from cape.scene.scene import Scene
+from cape.scene.standard_scenes import StandardScene, swing
+from cape.scene.wind import Wind
 from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack
 

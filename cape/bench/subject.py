@@ -3,14 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assemble import Assembly
+from cape.assembly.assemble import Assembly
 from cape.bench.timing import Probe
-from cape.cloth import GridCloth
+from cape.cloth.cloth import GridCloth
 from cape.kernels.records import Motion, State
-from cape.measure import Meter
-from cape.poses import Pose
-from cape.scene import Scene
-from cape.scenes import FPS
+from cape.measure.meter import Meter
+from cape.scene.poses import Pose
+from cape.scene.scene import Scene
+from cape.scene.standard_scenes import FPS
 from cape.solvers import Solver
 from motions import quaternions
 from skeleton.track import BoneTrack

@@ -107,8 +107,8 @@ def replay(
     json: Json = False,
 ) -> int:
     """Simulate a cape on a character that moves as the clip tells, and record it."""
+    from cape.cli.commands.replay import Cut, run
     from cape.cli.reading import Reading
-    from cape.cli.replay import Cut, run
 
     if clip is None and script is None:
         clip = "walk"
@@ -173,7 +173,7 @@ def hitboxes(
     spawn: Spawn = False,
 ) -> int:
     """Record what the cape meets: named colliders, the shells of their thickness, and the contacts of each frame."""
-    from cape.cli.hitboxes import run
+    from cape.cli.commands.hitboxes import run
     from cape.cli.reading import Reading
 
     reading = Reading(
@@ -196,7 +196,7 @@ def hitboxes(
 @app.command()
 def clips() -> int:
     """List the clips that come with the package."""
-    from cape.cli.info import list_clips
+    from cape.cli.commands.info import list_clips
 
     return list_clips()
 
@@ -218,7 +218,7 @@ def info(
     json: Json = False,
 ) -> int:
     """Tell what a motion or a robot holds: joints, roles, unit, what was decided while reading, what to look at."""
-    from cape.cli.info import run
+    from cape.cli.commands.info import run
     from cape.cli.reading import Reading
 
     reading = Reading(
@@ -244,7 +244,7 @@ def bench(
     ] = None,
 ) -> int:
     """Measure what the solvers cost on this machine; what a first run compiles takes minutes and counts apart."""
-    from cape.cli.bench import bench as measure
+    from cape.cli.commands.bench import bench as measure
 
     return measure(quick=quick, json=json, output=output)
 
@@ -263,7 +263,7 @@ def report(
     solver: Annotated[list[str] | None, typer.Option("--solver", help="Only this solver; may be repeated.")] = None,
 ) -> int:
     """Measure error against run time of every solver: a page, diagrams, report.json, and recordings side by side."""
-    from cape.cli.report import report as measure
+    from cape.cli.commands.report import report as measure
 
     return measure(output=output, quick=quick, scenes=tuple(scene or ()), solvers=tuple(solver or ()))
 

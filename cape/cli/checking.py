@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from cape.penetration import Deepest, penetration
-from cape.scene import Scene
-from cape.step_error import window_of
-from cape.take import Take
+from cape.results.penetration import Deepest, penetration
+from cape.results.take import Take
+from cape.run.step_error import window_of
+from cape.scene.scene import Scene
 
 
 def checked(take: Take) -> dict[str, dict[str, Any]]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import motions
 from motions.errors import UserError, ValueRangeError
 from skeleton import RobotMotion, Skeleton, load_configurations
-from skeleton.configurations import SUFFIXES
+from skeleton.robot.configurations import SUFFIXES
 
 MOST_FPS = 60.0  # where none is asked for
 

@@ -7,14 +7,14 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cape.auto import Auto
 from cape.cli.character import Character
-from cape.cuts import Cuts
-from cape.scene import Scene
-from cape.simulate import SlowWarning, simulate
-from cape.simulation import DEFAULT_CUTS, Diverged
+from cape.results.take import Take
+from cape.run.auto import Auto
+from cape.run.simulate import SlowWarning, simulate
+from cape.run.simulation import DEFAULT_CUTS, Diverged
+from cape.scene.jumps import Cuts
+from cape.scene.scene import Scene
 from cape.solvers import Solver
-from cape.take import Take
 from motions.errors import ValueRangeError
 
 

@@ -20,7 +20,7 @@ from numba.core.dispatcher import _FunctionCompiler  # pyright: ignore[reportAtt
 def _stamp_of_all_kernels() -> str:
     """Digest of every kernel's source: a compiled function holds the code of those it calls, whatever their file."""
     digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    for source in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(source.read_bytes())
     return digest.hexdigest()
 

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.kernels.self_contact import Layers, Pressure
-from cape.kernels.shapes import Faces, Shapes
+from cape.kernels.contact.shapes import Faces, Shapes
+from cape.kernels.self_contact.self_contact import Layers, Pressure
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.int64]
@@ -160,7 +160,7 @@ class Constraints(NamedTuple):
 
 
 class GridConstraints(NamedTuple):
-    """Constraints of a grid cloth by family, each at its first vertex: arrays (3, n) by hand, see `xpbd_grid`; room for
+    """Constraints of a grid cloth by family, each at its first vertex: arrays (3, n) by hand, see `xpbd.grid`; room for
     positions and velocities there (3, 3, n)."""
 
     columns: int

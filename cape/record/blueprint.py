@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
-from cape.colliders import Collider
 from cape.record.solids import labelled, plane_paths
 from cape.record.stage import BACKGROUND
-from cape.record.textures import albedo, plain
+from cape.record.surfaces.textures import albedo, plain
+from cape.scene.colliders import Collider
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb

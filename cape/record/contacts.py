@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.colliders import Collider
-from cape.contact_points import ContactPoints
+from cape.measure.contact_points import ContactPoints
 from cape.record.frames import Frames, send_once
+from cape.scene.colliders import Collider
 
 if TYPE_CHECKING:
     import rerun as rr

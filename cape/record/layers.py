@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.normals import vertex_normals
 from cape.record.frames import Frames, send_once
-from cape.record.textures import albedo, woven
+from cape.record.surfaces.normals import vertex_normals
+from cape.record.surfaces.textures import albedo, woven
 from motions.errors import UnknownNameError
 from skeleton.track import BoneTrack
 
 if TYPE_CHECKING:
     import rerun as rr
 
-    from cape.take import Take
+    from cape.results.take import Take
 
 FloatArray = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
 from cape.record.frames import Frames, send_once
 from cape.record.poses import bone_poses, xyzw
-from cape.record.revolved import tapered_hull
+from cape.record.surfaces.revolved import tapered_hull
+from cape.scene.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
 from motions import quaternions
 from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack

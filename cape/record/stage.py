@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.colliders import Collider, Plane
-from cape.ground import floor_under
 from cape.record.frames import Frames, send_once
 from cape.record.layers import drawn_links
+from cape.scene.colliders import Collider, Plane
+from cape.scene.floor import floor_under
 from motions import quaternions
 from skeleton.track import BoneTrack
 

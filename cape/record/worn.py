@@ -9,9 +9,9 @@ from itertools import cycle
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.colliders import Collider
 from cape.record.layers import CLOTH_COLOR, OTHER_CLOTH_COLORS
-from cape.take import Take
+from cape.results.take import Take
+from cape.scene.colliders import Collider
 from motions.errors import ValueRangeError
 from skeleton.track import BoneTrack
 

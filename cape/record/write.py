@@ -8,7 +8,6 @@ from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 
-from cape.colliders import Collider
 from cape.record.blueprint import layout
 from cape.record.contacts import BYTES_PER_CONTACT, log_contacts
 from cape.record.file import recording_file
@@ -18,10 +17,11 @@ from cape.record.robot import log_robot
 from cape.record.solids import log_hitboxes, log_shells
 from cape.record.stage import log_character, log_floor, skeleton_height
 from cape.record.worn import worn_of
-from cape.scene import Scene
-from cape.take import Take
+from cape.results.take import Take
+from cape.scene.colliders import Collider
+from cape.scene.scene import Scene
 from motions.errors import ValueRangeError
-from skeleton.geometry import LinkSurface
+from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
 
 BODY_LAYERS = ("robot", "skeleton", "hitboxes", "shells", "floor")

@@ -9,14 +9,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.attach import attach
-from cape.cloth import Cloth, GridCloth, MeshCloth
-from cape.colliders import Box, Collider, Plane, Sphere
-from cape.cuts import Cuts
-from cape.fabric import FABRICS, Fabric
-from cape.scene import Scene
-from cape.scenes import StandardScene, frame_times, track_of
-from cape.wind import Wind
+from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
+from cape.cloth.fabric import FABRICS, Fabric
+from cape.scene.attachments import attach
+from cape.scene.colliders import Box, Collider, Plane, Sphere
+from cape.scene.jumps import Cuts
+from cape.scene.scene import Scene
+from cape.scene.standard_scenes import StandardScene, frame_times, track_of
+from cape.scene.wind import Wind
 from skeleton.shapes import Capsule
 
 FloatArray = NDArray[np.float64]

@@ -5,11 +5,11 @@ import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 
+from cape.report.measured.stability import compile_case
+from cape.report.measured.trajectory import EXACT, Setting, Stage
 from cape.report.plan import FREE, Plan
-from cape.report.stability import compile_case
-from cape.report.trajectory import EXACT, Setting, Stage
-from cape.scenes import standard_scene
-from cape.team import available_cores
+from cape.scene.standard_scenes import standard_scene
+from cape.solvers.threads import available_cores
 
 
 def compile_all(plan: Plan, told: Callable[[int], Callable[[], None]] = lambda steps: lambda: None) -> None:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from cape.report.cases import CASES
-from cape.scenes import STANDARD_SCENES
+from cape.scene.standard_scenes import STANDARD_SCENES
 from cape.solvers import SOLVERS
 
 ACCURACIES_MM = (10.0, 3.0, 1.0, 0.3)

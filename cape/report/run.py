@@ -10,16 +10,16 @@ from typing import Any
 
 from cape.bench.machine import machine, versions
 from cape.kernels import jit
-from cape.report import space as spacings
 from cape.report.cases import CASES
 from cape.report.compile import compile_all
-from cape.report.energy import LONGEST, Account, accounts
+from cape.report.measured import resolution as spacings
+from cape.report.measured.energy import LONGEST, Account, accounts
+from cape.report.measured.resolution import Row as SpaceRow
+from cape.report.measured.stability import Outcome, stress
+from cape.report.measured.sweep import REFERENCE_SHARE, Row, Sweep, sweep
+from cape.report.measured.trajectory import Stage
 from cape.report.plan import Plan
-from cape.report.space import Row as SpaceRow
-from cape.report.stability import Outcome, stress
-from cape.report.sweep import REFERENCE_SHARE, Row, Sweep, sweep
-from cape.report.trajectory import Stage
-from cape.scenes import standard_scene
+from cape.scene.standard_scenes import standard_scene
 from motions.errors import FileError
 from motions.files import write_text
 

@@ -7,10 +7,10 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from cape import team
-from cape.assemble import Assembly
-from cape.kernels.journal import Journal
+from cape.assembly.assemble import Assembly
 from cape.kernels.records import Motion, State, Team
+from cape.kernels.solve.journal import Journal
+from cape.solvers.threads import run
 from motions.errors import ValueRangeError
 
 Precision = Literal["single", "double"]
@@ -92,5 +92,5 @@ class Solver(ABC):
             rank = 0 if member is None else member.rank
             return (*self._arguments(assembly, room, rank, state, motion), substeps, duration, journal, member)
 
-        team.run(self._frame, arguments, threads)
+        run(self._frame, arguments, threads)
         return 0

@@ -8,13 +8,13 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assemble import Assembly, force_model, force_scratch, inertia_of
-from cape.cloth import GridCloth
-from cape.kernels.euler import euler_frame
-from cape.kernels.grid import GridRoom
+from cape.assembly.assemble import Assembly, force_model, force_scratch, inertia_of
+from cape.assembly.stability import largest_step
+from cape.cloth.cloth import GridCloth
+from cape.kernels.cloth.grid import GridRoom
 from cape.kernels.records import ForceModel, Inertia, Motion, State
+from cape.kernels.solve.euler import euler_frame
 from cape.solvers.base import Precision, Solver
-from cape.stability import largest_step
 from motions.errors import ValueRangeError
 
 # A step adds dt v to a position. Below some 2000 steps in a frame of a 60th of a second that is, at 1 m/s, more than a

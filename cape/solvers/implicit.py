@@ -8,13 +8,13 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assemble import Assembly, force_model, force_scratch, inertia_of
-from cape.cloth import GridCloth
-from cape.kernels.conjugate import CHUNK
-from cape.kernels.grid import GridRoom
-from cape.kernels.implicit import GAMMA, UNSOLVED, backward_euler_frame, tr_bdf2_frame
-from cape.kernels.journal import Journal
+from cape.assembly.assemble import Assembly, force_model, force_scratch, inertia_of
+from cape.cloth.cloth import GridCloth
+from cape.kernels.cloth.grid import GridRoom
+from cape.kernels.implicit.conjugate_gradients import CHUNK
+from cape.kernels.implicit.implicit import GAMMA, UNSOLVED, backward_euler_frame, tr_bdf2_frame
 from cape.kernels.records import Attached, Contacts, ForceModel, Inertia, Motion, MotionRoom, State
+from cape.kernels.solve.journal import Journal
 from cape.solvers.base import Precision, Solver
 from motions.errors import ValueRangeError
 
@@ -25,11 +25,12 @@ Array = NDArray[np.floating]
 
 
 class Matrix(NamedTuple):
-    """What the matrix of a Newton step is made of, as in `kernels.stiffness`: vectors and rows of length L.
+    """What the matrix of a Newton step is made of, as in `kernels.implicit.stiffness`: vectors and rows of length L.
 
-    `springs` holds w and c of each spring of a grid (4 F, L), or as in `kernels.mesh_stiffness`, which needs `ends`;
-    `bends` the couplings of a vertex with the next ones and the second next along each family [N/m] (2 K, L), None
-    without bends; `bend_diagonal` [N/m], `mass` [kg] and `free`, 0 for attached vertices, (L,); `own` blocks (6, L).
+    `springs` holds w and c of each spring of a grid (4 F, L), or as in `kernels.implicit.mesh_stiffness`, which needs
+    `ends`; `bends` the couplings of a vertex with the next ones and the second next along each family [N/m] (2 K, L),
+    None without bends; `bend_diagonal` [N/m], `mass` [kg] and `free`, 0 for attached vertices, (L,);
+    `own` blocks (6, L).
     """
 
     front: int
@@ -251,7 +252,7 @@ class TRBDF2(ImplicitSolver):
 
 
 def matrix_of(assembly: Assembly, model: ForceModel, dtype: type[np.floating]) -> Matrix:
-    """Lay out the matrix of a cloth; see `kernels.stiffness`."""
+    """Lay out the matrix of a cloth; see `kernels.implicit.stiffness`."""
     springs, cloth = assembly.springs, assembly.cloth
     count = cloth.vertices
     front = 0

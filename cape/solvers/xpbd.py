@@ -7,10 +7,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cape.assemble import Assembly, air_model, force_scratch, inertia_of
-from cape.cloth import GridCloth
-from cape.coloring import by_color
-from cape.kernels.grid import GridRoom
+from cape.assembly.assemble import Assembly, air_model, force_scratch, inertia_of
+from cape.assembly.coloring import by_color
+from cape.cloth.cloth import GridCloth
+from cape.kernels.cloth.grid import GridRoom
 from cape.kernels.records import (
     Constraints,
     ForceModel,
@@ -20,14 +20,14 @@ from cape.kernels.records import (
     Motion,
     State,
 )
-from cape.kernels.xpbd import xpbd_frame
+from cape.kernels.xpbd.xpbd import xpbd_frame
 from cape.solvers.base import Precision, Solver
 from motions.errors import ValueRangeError
 
 Array = NDArray[np.floating]
 
 SUBSTEPS = 40  # per frame at 60 Hz, where none are asked for
-HANDS = 3  # that the rows of a grid are dealt to, see kernels.xpbd_grid
+HANDS = 3  # that the rows of a grid are dealt to, see kernels.xpbd.grid
 
 
 class XpbdRoom(NamedTuple):

@@ -1,6 +1,6 @@
 """What becomes of a cape on robots: every shipped clip on each of them, and motions of their own.
 
-`python tests/bench/characters.py [--robot g1 ...] [--clip walk ...] [--solver euler] [--varied 8]` prints a row for
+`python -m tests.bench.characters [--robot g1 ...] [--clip walk ...] [--solver euler] [--varied 8]` prints a row for
 each run, and as many more as `--varied` says with fabric lighter by 0.001 % each, as pinches hang on the last digit:
 how far hands and feet are from the scaled source (RMS and at most), deepest penetration, largest stretch, speed in
 times real time, and the result. Motions of one's own (`CAPE_CLIPS`, a folder with g1_*.csv) run on the G1.

@@ -1,10 +1,10 @@
 """How good contact is: depths on real motions, rest, its cost, fast limbs, many colliders.
 
-    python tests/bench/contact.py [--case clips rest cost limb many] [--clip walk run] [--solver euler] [--json FILE]
+    python -m tests.bench.contact [--case clips rest cost limb many] [--clip walk run] [--solver euler] [--json FILE]
 
-Depths are measured by `cape.penetration`, apart from what a solver believes. `clips` takes the shipped clips and the
-BVH files of the folder CAPE_CLIPS, where it is set. Without `--solver` the default one steps all cases but `limb`,
-which takes all solvers. See `contact_cases` for what each figure is.
+Depths are measured by `cape.results.penetration`, apart from what a solver believes. `clips` takes the shipped clips
+and the BVH files of the folder CAPE_CLIPS, where it is set. Without `--solver` the default one steps all cases but
+`limb`, which takes all solvers. See `contact_cases` for what each figure is.
 """
 
 import argparse
@@ -15,11 +15,10 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-import contact_cases as cases
-from contact_cases import ClipRow, CostRow, LimbRow, ManyRow, RestRow
-
 import cape
 from cape import SOLVERS, Solver
+from tests.bench import contact_cases as cases
+from tests.bench.contact_cases import ClipRow, CostRow, LimbRow, ManyRow, RestRow
 
 Row = ClipRow | RestRow | CostRow | LimbRow | ManyRow
 NESTED = {"by_collider"}  # for the JSON alone

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 import cape
 import motions
 from cape import Capsule, Cloth, Diverged, Pose, Scene, SelfContact, Simulation, Solver, attach
-from cape.colliders import Collider
-from cape.penetration import crossings, penetration
 from cape.reach import reach_of
-from cape.scenes import FPS, STANDARD_SCENES, worn
+from cape.results.penetration import crossings, penetration
+from cape.scene.colliders import Collider
+from cape.scene.standard_scenes import FPS, STANDARD_SCENES, worn
 from skeleton import BoneTrack, Skeleton
 
 FloatArray = NDArray[np.float64]

@@ -1,6 +1,6 @@
 """Cost of the grid's forces in nanoseconds per vertex and substep, beside the two yardsticks, in both precisions.
 
-    python tests/bench/kernels.py
+    python -m tests.bench.kernels
 
 The minimum of 30 repeats inside one compiled loop, all kernels taking turns, since the clock of a machine wanders. The
 yardsticks include moving the vertices, and so does `grid + advance`.
@@ -11,10 +11,12 @@ import time
 import numpy as np
 from numba import njit
 
-from cape.cloth import GridCloth
-from cape.kernels import baselines, euler, grid
+from cape.assembly.springs import springs_of
+from cape.cloth.cloth import GridCloth
+from cape.kernels import baselines
+from cape.kernels.cloth import grid
 from cape.kernels.records import State
-from cape.springs import springs_of
+from cape.kernels.solve import euler
 
 REPEATS, VERTICES_A_REPEAT = 30, 100_000
 STRANGERS = 256  # vertices of the limit's rows, in the first cache

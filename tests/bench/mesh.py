@@ -1,6 +1,6 @@
 """Cost of a mesh's forces against the scalar loop over its springs, in nanoseconds per vertex and substep.
 
-    python tests/bench/mesh.py [--double]
+    python -m tests.bench.mesh [--double]
 
 Grids of cells split along random diagonals, inner vertices moved by up to 0.3 of a cell, vertices numbered at random
 and then by `locality_order`; one thread. Both sides take symplectic Euler steps on the same springs. The variants take
@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from cape.cloth import Cloth, MeshCloth
+from cape.assembly.mesh_links import mesh_air_record, mesh_bends_record, mesh_springs_record
+from cape.assembly.mesh_springs import mesh_springs
+from cape.assembly.springs import Springs
+from cape.cloth.cloth import Cloth, MeshCloth
+from cape.cloth.triangle_mesh import locality_order, reordered
 from cape.kernels.baselines import move, scalar_step
+from cape.kernels.cloth.mesh import mesh_air_forces, mesh_forces
 from cape.kernels.jit import kernel
-from cape.kernels.mesh import mesh_air_forces, mesh_forces
 from cape.kernels.records import State
-from cape.links import mesh_air_record, mesh_bends_record, mesh_springs_record
-from cape.mesh_springs import mesh_springs
-from cape.springs import Springs
-from cape.triangles import locality_order, reordered
 
 SIZES, BURST, REPEATS = (1_500, 5_000, 10_000), 1e-3, 300
 STEP, DAMPING, BEND_DAMPING = 1e-9, 1e-5, 2e-3  # so short a step that nothing moves
@@ -61,7 +61,7 @@ def scalar(calls, arguments):
 
 @njit(error_model="numpy", nogil=True)
 def by_links(calls, n, s, springs, bends, damping, bend_damping, step, inverse_mass, fx, fy, fz):
-    """The same substeps with the forces of `cape.kernels.mesh`."""
+    """The same substeps with the forces of `cape.kernels.cloth.mesh`."""
     for _ in range(calls):
         mesh_forces(0, n, s, springs, bends, damping, bend_damping, fx, fy, fz, None)
         advance(step, inverse_mass, fx, fy, fz, s.x, s.y, s.z, s.vx, s.vy, s.vz)

@@ -1,6 +1,6 @@
 """How fast BVH files are read, in megabytes of text a second: parsed alone, and loaded with all that is then decided.
 
-    python tests/bench/parse_speed.py [FILE.bvh ...]
+    python -m tests.bench.parse_speed [FILE.bvh ...]
 
 Without files it takes the shipped clips, and the real ones of the folder CAPE_CLIPS where it is set. Each file is read
 as it is and with its frames repeated to about 15 MB; the best of twenty runs (three of the long one) counts.

@@ -1,6 +1,6 @@
 """How long `Take.save` takes and how large the recording gets, for a take of 524 frames and 1,536 vertices.
 
-    python tests/bench/recording.py
+    python -m tests.bench.recording
 
 The bones are those of the shipped walk, repeated to the length, with the body's own capsules. Of each choice of layers
 the best of five runs counts; the first, which imports Rerun, is left out.
@@ -14,7 +14,7 @@ import numpy as np
 
 import motions
 import skeleton
-from cape.take import Take
+from cape.results.take import Take
 
 FRAMES, ROWS, COLUMNS = 524, 48, 32
 CHOICES = [None, ["cape"], ["skeleton"], ["hitboxes"], ["floor"], ["plots"], []]

@@ -1,6 +1,6 @@
 """What it costs that a cloth keeps off itself: loop time with self-contact over that without, in the same run.
 
-    python tests/bench/self_contact.py [frames] [solver ...]
+    python -m tests.bench.self_contact [frames] [solver ...]
 
 Scenes with a cape, and sheets that lie on themselves in two layers and in four. Both simulations go through the same
 frames, step by step in turn; processor time of the thread, the least of a few repeats.
@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape import Cloth, Plane, Pose, SelfContact, Simulation, solver
-from cape.kernels.self_contact import SEARCHES
-from cape.scene import Scene
-from cape.scenes import StandardScene, standard_scene
+from cape.kernels.self_contact.self_contact import SEARCHES
+from cape.scene.scene import Scene
+from cape.scene.standard_scenes import StandardScene, standard_scene
 from skeleton.track import BoneTrack
 
 REPEATS = 3

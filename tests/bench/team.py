@@ -1,6 +1,6 @@
 """What it costs that threads share a cloth, and what it brings that they share many capes.
 
-    python tests/bench/team.py [capes]
+    python -m tests.bench.team [capes]
 
 A meeting of two ranks, inside one compiled loop, and of two and three beside a process that never rests; the launch of
 a team that does nothing, over a plain call; a step of a single substep, which is nearly all Python and holds the
@@ -18,11 +18,11 @@ from collections.abc import Callable
 import numpy as np
 
 from cape import Pose, Simulation, SymplecticEuler
-from cape.batch import Batch
 from cape.kernels.jit import driver
 from cape.kernels.team import meet
-from cape.scenes import plain
-from cape.team import run
+from cape.run.batch import Batch
+from cape.scene.standard_scenes import plain
+from cape.solvers.threads import run
 
 MEETINGS, FEW = 10_000, 500
 QUIET = 0.2  # how far the throughput of two threads that share nothing may be from 2, for a ratio to count

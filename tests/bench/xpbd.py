@@ -1,6 +1,6 @@
 """Cost of XPBD on a grid and on a mesh, in nanoseconds per vertex and substep, beside a scalar loop.
 
-    python tests/bench/xpbd.py
+    python -m tests.bench.xpbd
 
 The scalar loop is the textbook's: positions as unknowns, one constraint after the other as they come, compiled with the
 kernels' own options. All have springs and bending, both damped, and neither air nor contact. Least of many repeats,
@@ -13,14 +13,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cape.assemble import assemble
-from cape.attach import attach
-from cape.cloth import Cloth
+from cape.assembly.assemble import assemble
+from cape.assembly.springs import Springs
+from cape.cloth.cloth import Cloth
 from cape.kernels.jit import driver, kernel
 from cape.kernels.records import Motion, State
-from cape.scene import Scene
+from cape.scene.attachments import attach
+from cape.scene.scene import Scene
 from cape.solvers import XPBD
-from cape.springs import Springs
 
 FRAME, SUBSTEPS, REPEATS = 1.0 / 60.0, 40, 15
 SHAPES = ((52, 29), (173, 116))

@@ -1,0 +1,1 @@
+"""A scene as the arrays that kernels work on."""

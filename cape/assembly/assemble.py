@@ -1,0 +1,199 @@
+"""From a scene to the arrays that kernels work on."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.contact import contacts_of, for_another_thread
+from cape.assembly.springs import Springs, springs_of
+from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
+from cape.kernels.bones import blank_motion
+from cape.kernels.cloth.grid import MOST_COLUMNS, GridRoom, grid_room
+from cape.kernels.records import (
+    Attached,
+    Contacts,
+    ForceModel,
+    GridAir,
+    GridBends,
+    GridSprings,
+    Inertia,
+    MotionRoom,
+    Skin,
+)
+from cape.kernels.self_contact.self_contact import Layers
+from cape.scene.scene import Scene
+from motions.errors import ValueRangeError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Rank:
+    """What each thread of a run has of its own: the colliders with their scratch, and room for the bones' motion."""
+
+    contacts: Contacts
+    room: MotionRoom
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """A scene as arrays; bones are numbered as in `scene.bones`, and one more stands for the world.
+
+    Attributes:
+        scene: what was assembled.
+        cloth: the scene's cloth, its vertices renumbered where that keeps neighbours close in memory.
+        order: the scene's vertex that each of the N vertices here is, shape (N,); None where they are the same.
+        springs: the cloth's springs.
+        mass: of the vertices [kg], shape (N,).
+        inverse_mass: [1/kg], shape (N,), zero for attached vertices.
+        free: False for attached vertices, shape (N,).
+        attached: what bones hold; its points change while the cloth is put on. None when nothing is attached.
+        wind: velocity of the air [m/s], shape (3,), in place: it changes while the cloth is put on.
+        collider_order: for each kind of collider that the scene has, their indices into `scene.colliders`.
+        ranks: for each thread of a run.
+    """
+
+    scene: Scene
+    cloth: Cloth
+    order: NDArray[np.int64] | None
+    springs: Springs
+    mass: FloatArray
+    inverse_mass: FloatArray
+    free: NDArray[np.bool_]
+    attached: Attached | None
+    wind: FloatArray
+    collider_order: tuple[list[int], ...]
+    ranks: tuple[Rank, ...]
+
+    @property
+    def contacts(self) -> Contacts:
+        """The colliders by kind."""
+        return self.ranks[0].contacts
+
+    @property
+    def layers(self) -> Layers | None:
+        """What keeps the cloth off itself; None where nothing does."""
+        return self.contacts.layers
+
+    def with_layers(self, layers: Layers) -> "Assembly":
+        """The same with other notes on how the cloth touches itself."""
+        ranks = (replace(rank, contacts=rank.contacts._replace(layers=layers)) for rank in self.ranks)
+        return replace(self, ranks=tuple(ranks))
+
+    def inwards(self, values: FloatArray) -> FloatArray:
+        """Renumber rows that belong to the scene's vertices, shape (N, ...), as they are numbered here."""
+        return values if self.order is None else values[self.order]
+
+    def outwards(self, values: FloatArray) -> FloatArray:
+        """Renumber rows that belong to vertices here, shape (N, ...), as the scene numbers them."""
+        if self.order is None:
+            return values
+        result = np.empty_like(values)
+        result[self.order] = values
+        return result
+
+
+def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 1) -> Assembly:
+    """Build the arrays of a scene whose attachments hold the given vertices, for so many threads."""
+    cloth, order = scene.cloth, None
+    if isinstance(cloth, MeshCloth):
+        from cape.cloth.triangle_mesh import locality_order, reordered
+
+        order = locality_order(cloth.faces, cloth.positions)
+        cloth = reordered(cloth, order)
+        rank = np.argsort(order)
+        vertices = [rank[indices] for indices in vertices]
+    mass = cloth.masses()
+    free = np.ones(cloth.vertices, dtype=bool)
+    for indices in vertices:
+        free[indices] = False
+    contacts, order_of_colliders = contacts_of(scene, cloth, free)
+    return Assembly(
+        scene=scene,
+        cloth=cloth,
+        order=order,
+        springs=springs_of(cloth),
+        mass=mass,
+        inverse_mass=np.where(free, 1.0 / mass, 0.0),
+        free=free,
+        attached=_attached(scene, vertices),
+        wind=np.array((0.0, 0.0, 0.0) if scene.wind is None else scene.wind.velocity, dtype=float),
+        collider_order=order_of_colliders,
+        ranks=tuple(
+            Rank(for_another_thread(contacts) if rank else contacts, MotionRoom(*blank_motion(len(scene.bones) + 1)))
+            for rank in range(threads)
+        ),
+    )
+
+
+def inertia_of(assembly: Assembly, dtype: type[np.floating]) -> Inertia:
+    """Masses and gravity in a solver's precision."""
+    return Inertia(
+        mass=assembly.mass.astype(dtype),
+        inverse_mass=assembly.inverse_mass.astype(dtype),
+        free=assembly.free.astype(dtype),
+        gravity=np.array(assembly.scene.gravity, dtype=float),
+    )
+
+
+def force_model(assembly: Assembly, dtype: type[np.floating]) -> ForceModel:
+    """Springs and air in a solver's precision; None for what the scene lacks."""
+    fabric, springs, cloth = assembly.cloth.fabric, assembly.springs, assembly.cloth
+    has_bends = len(springs.bend_stiffness) > 0
+    model = air_model(assembly, dtype)._replace(
+        damping=fabric.damping_time or None, bend_damping=(fabric.bend_damping_time or None) if has_bends else None
+    )
+    if isinstance(cloth, GridCloth):
+        families = springs.families
+        if families is None:
+            raise TypeError("the springs of a grid come by family")
+        bends = GridBends(families.bend_offsets, families.bend_stiffness.astype(dtype)) if has_bends else None
+        grid = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
+        return model._replace(grid=grid, grid_bends=bends)
+    from cape.assembly.mesh_links import mesh_bends_record, mesh_springs_record
+
+    bends = mesh_bends_record(springs, cloth.vertices, dtype) if has_bends else None
+    return model._replace(mesh=mesh_springs_record(springs, cloth.vertices, dtype), mesh_bends=bends)
+
+
+def air_model(assembly: Assembly, dtype: type[np.floating]) -> ForceModel:
+    """The air alone, without springs; nothing but None where the scene has no wind."""
+    cloth, wind = assembly.cloth, assembly.scene.wind
+    model = ForceModel(*(None,) * len(ForceModel._fields))
+    if wind is None:
+        return model
+    if wind.viscous > 0.0:
+        areas = assembly.mass / cloth.fabric.density
+        model = model._replace(skin=Skin(assembly.wind, (wind.viscous * areas).astype(dtype)))
+    air = (assembly.wind, wind.density * wind.drag / 12.0, wind.density * wind.lift / 12.0)
+    if isinstance(cloth, GridCloth):
+        cells = np.zeros((cloth.rows, cloth.columns), dtype=dtype)
+        cells[:-1, :-1] = 1.0
+        return model._replace(grid_air=GridAir(*air, cells.ravel(), cloth.columns))
+    from cape.assembly.mesh_links import mesh_air_record
+
+    return model._replace(mesh_air=mesh_air_record(cloth, *air, dtype))
+
+
+def force_scratch(assembly: Assembly, dtype: type[np.floating]) -> tuple[GridRoom | None, ...]:
+    """Scratch of the forces for each thread; None where they need none of their own.
+
+    Raises:
+        ValueRangeError: a grid has a single column, or more than there is room for.
+    """
+    cloth = assembly.cloth
+    if not isinstance(cloth, GridCloth):
+        return (None,) * len(assembly.ranks)
+    if not 2 <= cloth.columns <= MOST_COLUMNS:
+        raise ValueRangeError(f"a grid of cloth has 2 to {MOST_COLUMNS} columns, not {cloth.columns}")
+    return tuple(grid_room(dtype) for _ in assembly.ranks)
+
+
+def _attached(scene: Scene, vertices: list[NDArray[np.int64]]) -> Attached | None:
+    if not any(len(indices) for indices in vertices):
+        return None
+    bones = [np.full(len(v), scene.bones.index(a.bone)) for a, v in zip(scene.attachments, vertices, strict=True)]
+    indices = np.concatenate(vertices)
+    points, lift, drift = (np.zeros((len(indices), 3)) for _ in range(3))
+    return Attached(indices, np.concatenate(bones), points, lift, drift)

@@ -1,0 +1,37 @@
+"""Colours of constraints such that no two of one share a vertex: those can be solved in any order, or at once."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.kernels.cloth.coloring import first_fit
+
+IntArray = NDArray[np.int64]
+
+WORD = 64  # colours
+
+
+class Colors(NamedTuple):
+    """An order of E constraints by colour, (E,), and where each of C colours starts in it, with its end, (C + 1,)."""
+
+    order: IntArray
+    starts: IntArray
+
+
+def by_color(members: IntArray) -> Colors:
+    """Order constraints on m vertices each, shape (E, m), by colour: greedy, in the order of their lowest vertices.
+
+    Each gets the first colour that none of its vertices has met. A constraint that meets d others never needs more than
+    d + 1 colours. Within a colour, constraints that are near in memory stay near.
+    """
+    if len(members) == 0:
+        return Colors(np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64))
+    near = np.lexsort(np.sort(members, axis=1).T[::-1])
+    degree = np.bincount(members.ravel())
+    most = int((degree[members] - 1).sum(axis=1).max()) + 1
+    met = np.zeros((len(degree), -(-most // WORD)), dtype=np.uint64)
+    colors = np.zeros(len(members), dtype=np.int64)
+    first_fit(np.ascontiguousarray(members[near], dtype=np.int64), met, colors)
+    starts = np.concatenate([[0], np.cumsum(np.bincount(colors))])
+    return Colors(near[np.argsort(colors, kind="stable")], starts)

@@ -1,0 +1,207 @@
+"""From colliders to the records that kernels work on: a line in `KINDS` for each kind of shape."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.self_contact import layers_of
+from cape.cloth.cloth import Cloth, MeshCloth, areas
+from cape.kernels.contact import shapes
+from cape.kernels.contact.faces import CHUNK, GROUP, SEEN
+from cape.kernels.contact.shapes import COLLIDER, Faces, Shapes
+from cape.kernels.contact.watch import TILE
+from cape.kernels.records import Contacts
+from cape.scene.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
+from cape.scene.scene import Scene
+from motions import quaternions
+from skeleton.shapes import Capsule
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A shape's own frame, shape_to_bone, its sizes there (`kernels.contact.distance`), its `core`
+    (`kernels.contact.shapes`), and the smallest radius of curvature of its surface [m]."""
+
+    origin: FloatArray
+    rotation: FloatArray
+    sizes: tuple[float, ...]
+    core: float
+    curvature: float
+
+
+def _capsule(collider: Capsule) -> Layout:
+    rotation, length = _along(collider.end - collider.start)
+    return Layout(collider.start, rotation, (length, collider.radius), collider.radius, collider.radius)
+
+
+def _sphere(collider: Sphere) -> Layout:
+    return Layout(collider.center, np.eye(3), (0.0, collider.radius), collider.radius, collider.radius)
+
+
+def _tapered_capsule(collider: TaperedCapsule) -> Layout:
+    rotation, length = _along(collider.end - collider.start)
+    start, end = collider.start_radius, collider.end_radius
+    if length <= abs(start - end):  # one sphere holds the other
+        origin = collider.start if start >= end else collider.end
+        return Layout(origin, rotation, (0.0, max(start, end)), max(start, end), max(start, end))
+    sine, least = (start - end) / length, min(start, end)
+    return Layout(collider.start, rotation, (length, start, sine, sine / math.sqrt(1.0 - sine**2)), least, least)
+
+
+def _box(collider: Box) -> Layout:
+    halves = tuple(float(h) for h in collider.half_sizes)
+    return Layout(collider.center, quaternions.to_matrix(collider.rotation_wxyz), halves, min(halves), 0.0)
+
+
+def _plane(collider: Plane) -> Layout:
+    return Layout(collider.point, _along(collider.normal)[0], (), math.inf, math.inf)
+
+
+KINDS: dict[type[Shapes], dict[type[Collider], Callable[..., Layout]]] = {
+    shapes.Capsules: {Capsule: _capsule, Sphere: _sphere},
+    shapes.TaperedCapsules: {TaperedCapsule: _tapered_capsule},
+    shapes.Boxes: {Box: _box},
+    shapes.Planes: {Plane: _plane},
+}
+"""For each kind of record the colliders that become one, in the order in which contact is made."""
+
+
+STRETCHED = 1.05  # triangles, as they are compared with colliders
+
+
+def contacts_of(scene: Scene, cloth: Cloth, free: NDArray[np.bool_]) -> tuple[Contacts, tuple[list[int], ...]]:
+    """The colliders of a scene by kind, and for each kind their indices into `scene.colliders`.
+
+    `cloth` is the scene's cloth as the solver numbers it, `free` (V,) which of its vertices no bone holds.
+    """
+    groups, orders, faces = [], [], []
+    tiles = -(-len(free) // TILE)
+    shared = {"spreads": np.zeros((tiles, 3)), "alarm": np.zeros(tiles + 1, dtype=np.int64)}
+    for record, makers in _kinds_for(scene).items():
+        order = [i for i, collider in enumerate(scene.colliders) if type(collider) in makers]
+        if not order:
+            continue
+        colliders = [scene.colliders[i] for i in order]
+        layouts = [makers[type(c)](c) for c in colliders]
+        group = _group(record, scene, colliders, layouts, shared)
+        groups.append(group)
+        orders.append(order)
+        if (found := _faces(group, layouts, cloth)) is not None:
+            faces.append(found)
+    layers = layers_of(scene, cloth, **shared)
+    pressure = None if layers is None else layers.pressure
+    return Contacts(free, tuple(groups) or None, tuple(faces) or None, layers, pressure), tuple(orders)
+
+
+def _kinds_for(scene: Scene) -> dict[type[Shapes], dict[type[Collider], Callable[..., Layout]]]:
+    """`KINDS`; where there are tapered capsules, all round colliders are records of theirs.
+
+    Only colliders of one kind see that they pinch cloth between them.
+    """
+    if not any(isinstance(collider, TaperedCapsule) for collider in scene.colliders):
+        return KINDS
+    round_ones = KINDS[shapes.Capsules] | KINDS[shapes.TaperedCapsules]
+    others = {record: makers for record, makers in KINDS.items() if record is not shapes.Capsules}
+    return others | {shapes.TaperedCapsules: round_ones}
+
+
+def for_another_thread(contacts: Contacts) -> Contacts:
+    """The same contacts with notes of a thread's own, where not each vertex has its own."""
+    if contacts.groups is None:
+        return contacts
+    own = ("colliders", "active", "clock", "hot", "gaps", "touches", "before")
+    groups = tuple(g._replace(**{name: getattr(g, name).copy() for name in own}) for g in contacts.groups)
+    return contacts._replace(groups=groups)
+
+
+def _group(
+    record: type[Shapes], scene: Scene, colliders: Sequence[Collider], layouts: Sequence[Layout], shared: dict[str, Any]
+) -> Shapes:
+    count, tiles = len(colliders), len(shared["spreads"])
+    rows = np.zeros(count, COLLIDER).view(np.recarray)
+    for row, collider, layout in zip(rows, colliders, layouts, strict=True):
+        # The world comes after the last bone.
+        row.bone = len(scene.bones) if collider.bone is None else scene.bones.index(collider.bone)
+        row.origin, row.frame, row.core = layout.origin, layout.rotation, layout.core
+        row.sizes = (*layout.sizes, 0.0, 0.0, 0.0, 0.0)[:4]
+        row.thickness = scene.thickness if collider.thickness is None else collider.thickness
+        row.friction = scene.friction if collider.friction is None else collider.friction
+    return record(
+        colliders=rows,
+        active=np.zeros(count + 1, dtype=np.int64),
+        clock=np.zeros(2, dtype=np.int64),
+        wake=np.zeros((tiles, count), dtype=np.int64),
+        next=np.zeros(tiles, dtype=np.int64),
+        hot=np.zeros(count + 1, dtype=np.int64),
+        gaps=np.zeros(TILE),
+        touches=np.zeros(TILE, dtype=np.int64),
+        between=np.ones(tiles, dtype=bool),
+        before=np.zeros((6, TILE)),
+        pinched=np.zeros(scene.cloth.vertices, dtype=bool),
+        **shared,
+    )
+
+
+def _faces(group: Shapes, layouts: Sequence[Layout], cloth: Cloth) -> Faces | None:
+    """Those triangles and colliders of a kind of which the colliders could poke through, None where there are none.
+
+    Vertices at the thickness t of a surface that is curved by r hold a triangle off it whose points are at most p from
+    the nearest corner, where (r + t)^2 - p^2 >= r^2.
+    """
+    reach = STRETCHED * _cover(cloth)
+    curvature, thickness = np.array([layout.curvature for layout in layouts]), group.colliders.thickness
+    flat = np.isinf(curvature)
+    held = np.where(flat, np.inf, thickness * (2.0 * np.where(flat, 0.0, curvature) + thickness))
+    group.colliders.thin = held < reach.max() ** 2
+    if not group.colliders.thin.any():
+        return None
+    corners = cloth.triangles[reach**2 > held.min()].astype(np.int64)
+    corners = corners[np.argsort(corners.min(axis=1), kind="stable")]
+    tile = corners.min(axis=1) // TILE
+    place = np.arange(len(corners)) - np.searchsorted(tile, tile)
+    starts = np.flatnonzero(place % GROUP == 0)
+    return Faces(
+        shapes=group,
+        corners=np.ascontiguousarray(corners.T.astype(np.uint32)),
+        starts=np.append(starts, len(corners)),
+        tiles=tile[starts],
+        longest=STRETCHED * _longest_edge(cloth),
+        wake=np.zeros((len(starts), len(group.colliders)), np.int64),
+        next=np.zeros(len(starts), np.int64),
+        due=np.zeros(-(-len(starts) // CHUNK), np.int64),
+        seen=np.zeros(SEEN),
+        haste=np.zeros(1),
+        pushed=np.zeros(1, np.int64),
+    )
+
+
+def _flat(cloth: Cloth) -> FloatArray:
+    """Corners of the triangles in the pattern [m], shape (T, 3, 2)."""
+    return cloth.corners if isinstance(cloth, MeshCloth) else cloth.pattern[cloth.triangles]
+
+
+def _longest_edge(cloth: Cloth) -> float:
+    flat = _flat(cloth)
+    return float(np.linalg.norm(flat - np.roll(flat, 1, axis=1), axis=2).max())
+
+
+def _cover(cloth: Cloth) -> FloatArray:
+    """Distance of the point of each triangle that is farthest from its corners, from the nearest of them [m], (T,)."""
+    flat = _flat(cloth)
+    edges = np.sort(np.linalg.norm(flat - np.roll(flat, 1, axis=1), axis=2), axis=1)
+    a, b, c = edges.T
+    # No shape is so thin that an obtuse triangle's longest edge, half of which bounds it, would need to be cut finer.
+    acute = a**2 + b**2 > c**2
+    around = a * b * c / np.maximum(4.0 * np.abs(areas(flat)), 1e-300)
+    return np.where(acute, np.minimum(around, c), c / 2.0)
+
+
+def _along(direction: FloatArray) -> tuple[FloatArray, float]:
+    """A rotation that turns +Z along a direction, shape (3, 3), and the direction's length."""
+    return quaternions.to_matrix(quaternions.from_z_axis(direction)), float(np.linalg.norm(direction))

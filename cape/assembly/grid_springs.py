@@ -1,0 +1,92 @@
+"""Springs of a grid cloth, with stiffness from its fabric so that the resolution does not change what it does.
+
+With cells of width a and height b, tension per width Y and shear stiffness G, a lattice of springs along the threads
+and both diagonals has the plane stiffness C11 = Y and C66 = G when
+
+    k_diagonal = G (a^2 + b^2) / (2 a b)
+    k_right = (b / a) (Y - G a^2 / b^2)
+    k_down = (a / b) (Y - G b^2 / a^2)
+
+for each cell, the two edges that share a cell side taking half each (from equating the energy of a cell under uniform
+strain; the diagonals carry the G terms). Bend springs draw a vertex to the midpoint of its neighbours, with energy
+1/2 k |p0 - 2 p1 + p2|^2; equal to B/2 times curvature squared for k = B b / a^3 across and B a / b^3 down. A distance
+spring over two cells, the usual choice, has an energy of fourth order in the curvature: no bending rigidity at all.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.springs import Families, Springs
+from cape.cloth.cloth import GridCloth
+
+FloatArray = NDArray[np.float64]
+
+# A thread keeps at least this share of its stiffness where long cells would give all of it to the diagonals.
+LEAST_SHARE = 0.1
+
+
+def grid_springs(cloth: GridCloth) -> Springs:
+    """Derive the springs of a grid from its pattern and fabric."""
+    rows, columns, fabric = cloth.rows, cloth.columns, cloth.fabric
+    grid = cloth.pattern.reshape(rows, columns, 2)
+    across = np.linalg.norm(np.diff(grid, axis=1), axis=2)
+    along = np.linalg.norm(np.diff(grid, axis=0), axis=2)
+    layers = np.ones_like(across[1:]) if cloth.layers is None else cloth.layers
+    a = (across[:-1] + across[1:]) / 2.0
+    b = (along[:, :-1] + along[:, 1:]) / 2.0
+
+    right, down = np.zeros((rows, columns)), np.zeros((rows, columns))
+    half = (
+        0.5 * layers * (b / a) * np.maximum(fabric.stretch - fabric.shear * (a / b) ** 2, LEAST_SHARE * fabric.stretch)
+    )
+    right[:-1, :-1] += half
+    right[1:, :-1] += half
+    half = (
+        0.5 * layers * (a / b) * np.maximum(fabric.stretch - fabric.shear * (b / a) ** 2, LEAST_SHARE * fabric.stretch)
+    )
+    down[:-1, :-1] += half
+    down[:-1, 1:] += half
+    diagonal, anti = np.zeros((rows, columns)), np.zeros((rows, columns))
+    diagonal[:-1, :-1] = anti[:-1, 1:] = layers * fabric.shear * (a**2 + b**2) / (2.0 * a * b)
+
+    # Each thread carries a strip as wide as half of its cells on both sides, in all of their layers.
+    height, width = np.zeros((rows, columns - 1)), np.zeros((rows - 1, columns))
+    height[:-1] += layers * b / 2.0
+    height[1:] += layers * b / 2.0
+    width[:, :-1] += layers * a / 2.0
+    width[:, 1:] += layers * a / 2.0
+    bend_right, bend_down = np.zeros((rows, columns)), np.zeros((rows, columns))
+    bend_right[:, :-2] = fabric.bend * _middle(height, 1) / _middle(across, 1) ** 3
+    bend_down[:-2] = fabric.bend * _middle(width, 0) / _middle(along, 0) ** 3
+
+    offsets = np.array([1, columns, columns + 1, columns - 1])
+    rest = np.ones((4, rows * columns))
+    for family, offset in enumerate(offsets):
+        ends = cloth.pattern[offset:] - cloth.pattern[:-offset]
+        rest[family, : len(ends)] = np.linalg.norm(ends, axis=1)
+    families = Families(
+        offsets=offsets,
+        stiffness=np.stack([right, down, diagonal, anti]).reshape(4, -1),
+        rest=rest,
+        bend_offsets=np.array([1, columns]),
+        bend_stiffness=np.stack([bend_right, bend_down]).reshape(2, -1),
+    )
+    family, first = np.nonzero(families.stiffness)
+    bend_family, start = np.nonzero(families.bend_stiffness)
+    return Springs(
+        first=first,
+        second=first + offsets[family],
+        stiffness=families.stiffness[family, first],
+        rest=rest[family, first],
+        measured=family < 2,
+        bend_vertices=start[:, None] + families.bend_offsets[bend_family, None] * np.arange(3),
+        bend_coefficients=np.tile([1.0, -2.0, 1.0], (len(start), 1)),
+        bend_stiffness=families.bend_stiffness[bend_family, start],
+        families=families,
+    )
+
+
+def _middle(sizes: FloatArray, axis: int) -> FloatArray:
+    """Mean of each two consecutive entries."""
+    ahead, behind = np.delete(sizes, 0, axis=axis), np.delete(sizes, -1, axis=axis)
+    return (ahead + behind) / 2.0

@@ -1,0 +1,155 @@
+"""Putting a cape on: where the wearer's frame is, and what holds the neckline."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.assemble import Assembly
+from cape.kernels.records import Attached
+from cape.scene.attachments import Attachment
+from cape.scene.poses import Pose
+from cape.scene.scene import Scene
+from motions import quaternions
+from motions.errors import ValueRangeError
+from skeleton.solid_measures import signed_distance
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+HIGHEST_LIFT = 0.15  # m that a neckline is raised at most to clear the shoulders
+LIFT_STEP = 0.002  # m
+FARTHEST = 0.3  # m that it is raised and moved back at most where its wearer's trunk is in the way
+FAR_STEP = 0.01  # m
+BACK_COST = 0.6  # of a metre back in metres up: a cape may hang lower down the back, but not stand beside the head
+
+
+def wearer_to_world(left: FloatArray, right: FloatArray, pelvis: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Give the wearer's frame from the shoulder joints and the pelvis in the world [m], each of shape (3,).
+
+    Returns:
+        The rotation wearer_to_world, shape (3, 3), and the origin between the shoulders [m], shape (3,): x forward,
+        y from the right shoulder to the left, z up the trunk.
+
+    Raises:
+        ValueRangeError: the three points lie on a line.
+    """
+    origin = (left + right) / 2.0
+    lateral, trunk = left - right, origin - pelvis
+    forward = np.cross(lateral, trunk)
+    if np.linalg.norm(forward) < 1e-6:
+        raise ValueRangeError("the shoulder joints and the pelvis lie on a line: the cape can't be put on")
+    y = lateral / np.linalg.norm(lateral)
+    x = forward / np.linalg.norm(forward)
+    return np.stack([x, y, np.cross(x, y)], axis=1), origin
+
+
+def placed(scene: Scene, pose: Pose) -> FloatArray:
+    """Positions of the vertices in the world where the cloth starts [m], shape (V, 3)."""
+    cloth = scene.cloth
+    if cloth.frame == "world":
+        return cloth.positions
+    rotation, origin = _wearer(scene, pose)
+    return origin + cloth.positions @ rotation.T
+
+
+def held_by(scene: Scene, attachment: Attachment, pose: Pose, positions: FloatArray) -> IntArray:
+    """Vertices that an attachment holds of a cloth that is placed at positions in the world [m], shape (V, 3).
+
+    Raises:
+        ValueRangeError: none is near enough.
+    """
+    if attachment.within is None:
+        return attachment.vertices
+    bone = pose.positions[scene.bones.index(attachment.bone)]
+    off = np.linalg.norm(places_worn(scene, pose, positions)[attachment.vertices] - bone, axis=1)
+    near = attachment.vertices[off <= attachment.within]
+    if near.size == 0:
+        raise ValueRangeError(
+            f"no vertex is within {attachment.within} m of {attachment.bone!r}; the closest is {off.min():.3f} m off"
+        )
+    return near
+
+
+def places_worn(scene: Scene, pose: Pose, positions: FloatArray) -> FloatArray:
+    """Where the vertices would be held, with nothing in the way [m]: the neckline for the top row, else their start."""
+    cloth = scene.cloth
+    if cloth.neckline is None:
+        return positions
+    rotation, origin = _wearer(scene, pose)
+    worn = positions.copy()
+    worn[: len(cloth.neckline)] = origin + cloth.neckline @ rotation.T
+    return worn
+
+
+def places_lifted(scene: Scene, pose: Pose, positions: FloatArray) -> FloatArray:
+    """The same with the neckline raised as far as it takes to clear the colliders [m], shape (V, 3)."""
+    worn = places_worn(scene, pose, positions)
+    if scene.cloth.neckline is not None:
+        neckline = worn[: len(scene.cloth.neckline)]
+        neckline += _lift(scene, pose, neckline)
+    return worn
+
+
+def hold_points(
+    assembly: Assembly, pose: Pose, held: list[IntArray], positions: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Points at which bones hold the vertices, in the bones' frames [m]: where they are worn, where they start.
+
+    `held` are the vertices of each attachment, `positions` where the cloth is placed in the world [m], shape (V, 3).
+    """
+    scene, attached = assembly.scene, assembly.attached
+    if attached is None:
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    chosen = np.concatenate(held)
+    worn = places_lifted(scene, pose, positions)
+    worn, spread = in_bones(attached, pose, worn[chosen]), in_bones(attached, pose, positions[chosen])
+    first = 0
+    for attachment, vertices in zip(scene.attachments, held, strict=True):
+        if attachment.points is not None:
+            worn[first : first + len(vertices)] = attachment.points
+        first += len(vertices)
+    return worn, worn if scene.cloth.frame == "world" else spread
+
+
+def in_bones(attached: Attached, pose: Pose, points: FloatArray) -> FloatArray:
+    """Points of the world [m], shape (n, 3), in the frames of the bones that hold n vertices."""
+    turn = quaternions.conjugate(pose.rotations_wxyz[attached.bones])
+    return quaternions.rotate(turn, points - pose.positions[attached.bones])
+
+
+def held_points(attached: Attached, pose: Pose) -> FloatArray:
+    """Where bones hold n vertices in the world [m], shape (n, 3)."""
+    points = attached.points + attached.lift
+    return pose.positions[attached.bones] + quaternions.rotate(pose.rotations_wxyz[attached.bones], points)
+
+
+def _wearer(scene: Scene, pose: Pose) -> tuple[FloatArray, FloatArray]:
+    left, right, pelvis = (pose.positions[scene.bones.index(role)] for role in scene.wearer)
+    return wearer_to_world(left, right, pelvis)
+
+
+def _lift(scene: Scene, pose: Pose, neckline: FloatArray) -> FloatArray:
+    """The least way up the wearer's trunk that takes the neckline clear of all colliders [m], shape (3,).
+
+    Where that would be too far, as for a robot whose shoulders lie deep in its trunk, it goes back as well.
+    """
+    rotation = _wearer(scene, pose)[0]
+    forward, up = rotation[:, 0], rotation[:, 2]
+    for height in np.arange(0.0, HIGHEST_LIFT, LIFT_STEP):
+        if not _touches(scene, pose, neckline + height * up):
+            return height * up
+    heights, ways = (axis.ravel() for axis in np.mgrid[0:FARTHEST:FAR_STEP, 0:FARTHEST:FAR_STEP])
+    for k in np.argsort(np.hypot(heights, BACK_COST * ways), kind="stable"):
+        shift = heights[k] * up - ways[k] * forward
+        if not _touches(scene, pose, neckline + shift):
+            return shift
+    return np.zeros(3)
+
+
+def _touches(scene: Scene, pose: Pose, points: FloatArray) -> bool:
+    """Tell whether one of the points in the world [m], shape (n, 3), is within the scene's thickness of a collider."""
+    for collider in scene.colliders:
+        bone = len(scene.bones) if collider.bone is None else scene.bones.index(collider.bone)
+        in_bone = (points - pose.positions[bone]) @ quaternions.to_matrix(pose.rotations_wxyz[bone])
+        if (signed_distance(collider, in_bone) < scene.thickness).any():
+            return True
+    return False

@@ -1,0 +1,249 @@
+"""From a cloth to the records that keep its layers apart."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.cloth.cloth import Cloth, MeshCloth
+from cape.cloth.triangle_mesh import edges_of
+from cape.kernels.self_contact.near_pairs import Pairs
+from cape.kernels.self_contact.patches import Patches, Sight
+from cape.kernels.self_contact.self_contact import CLOCKS, Layers, Pressure
+from cape.scene.scene import Scene
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+PATCH = 16  # triangles at most; fewer make more pairs of patches, more make larger ones
+# Times the thickness. The wider, the seldomer is there a search, and the more neighbours along the cloth are watched.
+MARGIN = 1.5
+# Closer than half of its height no triangle can be to the next one without a sharp fold.
+SHARE_OF_EDGE = 1.0 / 3.0
+THICKEST = 5e-3  # m, several times what any fabric has, so that layers stay apart in pictures, too
+# Room for pairs. A cape in a run lists at most one of vertices and three of edges for each vertex; a sheet folded on
+# itself 5 and 14, one that is wrung 7 and 20.
+FACES_A_VERTEX, EDGES_A_VERTEX, LEAST_ROOM = 12, 36, 1024
+MOST_A_VERTEX = 500  # far beyond any cloth that hasn't exploded; 100 bytes each
+
+
+class Kept(NamedTuple):
+    """What contact with itself knows at a moment, apart from the cloth's state."""
+
+    places: FloatArray
+    held: FloatArray
+    clock: FloatArray
+    pairs: tuple[tuple[NDArray[np.generic], ...], ...]
+
+
+def default_thickness(cloth: Cloth) -> float:
+    """Distance to keep between a cloth's layers [m]: a third of its mean edge without tension, at most 5 mm.
+
+    At that distance no two parts of a triangle mesh touch along the cloth, unless it is sharply folded.
+    """
+    rest, (first, second) = rest_shape(cloth), edges_of(cloth.triangles).vertices.T
+    return min(SHARE_OF_EDGE * float(np.linalg.norm(rest[first] - rest[second], axis=1).mean()), THICKEST)
+
+
+def contact_thickness(scene: Scene) -> float:
+    """Distance that the layers of a scene's cloth keep [m]; 0 where nothing keeps them apart."""
+    contact = scene.self_contact
+    if contact is None:
+        return 0.0
+    return default_thickness(scene.cloth) if contact.thickness is None else contact.thickness
+
+
+def layers_of(scene: Scene, cloth: Cloth, *, alarm: IntArray, spreads: FloatArray) -> Layers | None:
+    """Make the arrays that keep the layers of a scene's cloth apart; None where nothing does.
+
+    Pairs that share a vertex or are nearer than the thickness at rest, along the flat pattern, are left alone. A mesh
+    without a pattern is at rest as it starts: layers of it that start nearer than that stay as they are.
+
+    Args:
+        scene: tells how the cloth touches itself.
+        cloth: the scene's cloth, its vertices numbered as in the state.
+        alarm: of the records of colliders, see `kernels.contact.shapes`.
+        spreads: the same.
+    """
+    contact = scene.self_contact
+    if contact is None:
+        return None
+    thickness = contact_thickness(scene)
+    friction = scene.friction if contact.friction is None else contact.friction
+    patches = cut_into_patches(cloth.triangles, rest_shape(cloth))
+    vertices, triangles, edges = cloth.vertices, patches.triangles.shape[1], patches.edges.shape[1]
+    pieces = len(patches.vertex_start) - 1
+    most = max(int(np.diff(s).max()) for s in (patches.vertex_start, patches.triangle_start, patches.edge_start))
+    buckets = 1 << (2 * pieces - 1).bit_length()
+    return Layers(
+        thickness=float(thickness),
+        margin=MARGIN * thickness,
+        friction=float(friction),
+        patches=patches,
+        sight=Sight(
+            places=np.full((6, vertices), np.nan),
+            vertex_boxes=np.zeros((6, vertices)),
+            triangle_boxes=np.zeros((6, triangles)),
+            edge_boxes=np.zeros((6, edges)),
+            boxes=np.zeros((pieces, 6)),
+            normals=np.zeros((3, triangles)),
+            cones=np.zeros((pieces, 4)),
+            cells=np.zeros((pieces, 3), np.int64),
+            bucket_start=np.zeros(buckets + 1, np.int64),
+            members=np.zeros(pieces, np.int64),
+            beside=np.zeros(pieces, np.int64),
+            picked=np.zeros((6, most + 1), np.uint32),
+            matched=np.zeros((2, most * most + 1), np.uint32),
+        ),
+        faces=_pairs(vertices, max(LEAST_ROOM, FACES_A_VERTEX * vertices)),
+        edges=_pairs(edges, max(LEAST_ROOM, EDGES_A_VERTEX * vertices)),
+        pressure=Pressure(held=np.zeros((3, vertices)), clock=np.zeros(CLOCKS)),
+        alarm=alarm,
+        spreads=spreads,
+    )
+
+
+def surplus(layers: Layers) -> int:
+    """How many pairs found no room; 0 where all of a frame's were kept apart."""
+    return int(layers.faces.counts[1] + layers.edges.counts[1])
+
+
+def may_grow(layers: Layers) -> bool:
+    """Tell whether the lists that were too short may be `enlarged`."""
+    vertices = len(layers.faces.head)
+    return all(p.counts[1] == 0 or len(p.first) < MOST_A_VERTEX * vertices for p in (layers.faces, layers.edges))
+
+
+def enlarged(layers: Layers) -> Layers:
+    """The same with twice the room in each list that was too short; nothing is forgotten."""
+    faces, edges = (
+        _copy_pairs(p, _pairs(len(p.head), 2 * len(p.first))) if p.counts[1] else p
+        for p in (layers.faces, layers.edges)
+    )
+    layers.sight.places[:] = np.nan  # so that what had no room is searched for
+    return layers._replace(faces=faces, edges=edges)
+
+
+def keep(layers: Layers) -> Kept:
+    """Copy what is known, to `put_back` it should a frame be taken back."""
+    pairs = tuple(
+        (p.counts.copy(), *(values[: p.counts[0]].copy() for values in _known(p))) for p in (layers.faces, layers.edges)
+    )
+    return Kept(layers.sight.places.copy(), layers.pressure.held.copy(), layers.pressure.clock.copy(), pairs)
+
+
+def put_back(layers: Layers, kept: Kept) -> None:
+    """Know what was known when it was kept, in place."""
+    layers.sight.places[:], layers.pressure.held[:], layers.pressure.clock[:] = kept.places, kept.held, kept.clock
+    for pairs, (count, *known) in zip((layers.faces, layers.edges), kept.pairs, strict=True):
+        pairs.counts[:] = count
+        for values, before in zip(_known(pairs), known, strict=True):
+            values[: len(before)] = before
+
+
+def turn(layers: Layers, rotation: FloatArray) -> None:
+    """Turn what is known, in place, as the cloth is turned as a whole; `rotation` is of shape (3, 3)."""
+    layers.sight.places[:] = np.nan
+    layers.pressure.held[:] = rotation @ layers.pressure.held
+    for pairs in (layers.faces, layers.edges):
+        for vectors in (pairs.apart[: pairs.counts[0]], pairs.force[: pairs.counts[0]]):
+            vectors[:] = vectors @ rotation.T
+
+
+def rest_shape(cloth: Cloth) -> FloatArray:
+    """Where the vertices are without tension [m], shape (V, 3), pieces that aren't connected far from each other."""
+    rest = np.column_stack([cloth.pattern, np.zeros(cloth.vertices)])
+    if isinstance(cloth, MeshCloth) and not np.array_equal(cloth.corners, cloth.pattern[cloth.faces]):
+        rest = np.array(cloth.positions)
+    rest[:, 2] += 2.0 * np.ptp(rest, axis=0).max() * connected_pieces(cloth.triangles, cloth.vertices)
+    return rest
+
+
+def connected_pieces(triangles: NDArray[np.integer], vertices: int) -> IntArray:
+    """Number the connected pieces of a mesh: that of each vertex, shape (V,)."""
+    lowest = np.arange(vertices)
+    while True:
+        before = lowest.copy()
+        np.minimum.at(lowest, triangles.ravel(), np.repeat(lowest[triangles].min(axis=1), 3))
+        lowest = lowest[lowest]
+        if np.array_equal(lowest, before):
+            return np.unique(lowest, return_inverse=True)[1]
+
+
+def cut_into_patches(triangles: NDArray[np.integer], rest: FloatArray) -> Patches:
+    """Halve a mesh across its longest extent at rest until pieces have at most `PATCH` triangles."""
+    owner, pieces = _owners(rest[triangles].mean(axis=1))
+    order = np.argsort(owner, kind="stable")
+    triangles, owner = triangles[order], owner[order]
+    mesh = edges_of(triangles)
+    edge_owner, vertex_owner = np.full(len(mesh.vertices), pieces), np.full(len(rest), pieces - 1)
+    np.minimum.at(edge_owner, mesh.of_triangle.ravel(), np.repeat(owner, 3))
+    np.minimum.at(vertex_owner, triangles.ravel(), np.repeat(owner, 3))
+    by_edge, by_vertex = np.argsort(edge_owner, kind="stable"), np.argsort(vertex_owner, kind="stable")
+    neighbors = _neighbors(triangles, owner, len(rest))
+    ends = np.arange(pieces + 1)
+    return Patches(
+        vertices=by_vertex.astype(np.uint32),
+        vertex_start=np.searchsorted(vertex_owner[by_vertex], ends),
+        triangles=np.ascontiguousarray(triangles.T.astype(np.uint32)),
+        triangle_start=np.searchsorted(owner, ends),
+        edges=np.ascontiguousarray(mesh.vertices[by_edge].T.astype(np.uint32)),
+        edge_start=np.searchsorted(edge_owner[by_edge], ends),
+        neighbors=neighbors[:, 1].astype(np.uint32),
+        neighbor_start=np.searchsorted(neighbors[:, 0], ends),
+        rest=np.ascontiguousarray(rest.T),
+    )
+
+
+def _owners(middles: FloatArray) -> tuple[IntArray, int]:
+    """Number of the patch of each triangle, and how many there are."""
+    owner, pieces, stack = np.zeros(len(middles), np.int64), 0, [np.arange(len(middles))]
+    while stack:
+        members = stack.pop()
+        if len(members) <= PATCH:
+            owner[members] = pieces
+            pieces += 1
+            continue
+        axis = int(np.argmax(np.ptp(middles[members], axis=0)))
+        members = members[np.argsort(middles[members, axis], kind="stable")]
+        half = (len(members) + 1) // 2
+        stack += [members[half:], members[:half]]
+    return owner, pieces
+
+
+def _neighbors(triangles: NDArray[np.integer], owner: IntArray, vertices: int) -> IntArray:
+    """Pairs of patches that share a vertex, each both ways, sorted, shape (n, 2)."""
+    corners = np.unique(np.stack([triangles.ravel(), np.repeat(owner, 3)], axis=1), axis=0)
+    around = np.split(corners[:, 1], np.searchsorted(corners[:, 0], np.arange(1, vertices)))
+    shared = {(a, b) for patches in map(np.ndarray.tolist, around) for a in patches for b in patches if a != b}
+    return np.array(sorted(shared), np.int64).reshape(-1, 2)
+
+
+def _pairs(firsts: int, room: int) -> Pairs:
+    return Pairs(
+        counts=np.zeros(2, np.int64),
+        first=np.zeros(room, np.uint32),
+        second=np.zeros(room, np.uint32),
+        apart=np.zeros((room, 3), np.float32),
+        due=np.zeros(room),
+        force=np.zeros((room, 3)),
+        old_first=np.zeros(room, np.uint32),
+        old_second=np.zeros(room, np.uint32),
+        old_apart=np.zeros((room, 3), np.float32),
+        old_due=np.zeros(room),
+        old_force=np.zeros((room, 3)),
+        head=np.full(firsts, -1, np.int32),
+        following=np.zeros(room, np.int32),
+    )
+
+
+def _known(pairs: Pairs) -> tuple[NDArray[np.generic], ...]:
+    """What lasts from search to search."""
+    return pairs.first, pairs.second, pairs.apart, pairs.due, pairs.force
+
+
+def _copy_pairs(pairs: Pairs, into: Pairs) -> Pairs:
+    into.counts[0] = pairs.counts[0]
+    for values, before in zip(_known(into), _known(pairs), strict=True):
+        values[: pairs.counts[0]] = before[: pairs.counts[0]]
+    return into

@@ -1,0 +1,70 @@
+"""The springs of a cloth: the one force model that all solvers share."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Families:
+    """The springs of a grid by family; one belongs to the vertex it starts from, stiffness 0 is no spring.
+
+    Attributes:
+        offsets: index of the second end minus that of the first, of the families right, down and diagonals, shape (4,).
+        stiffness: [N/m], shape (4, N).
+        rest: rest length [m], shape (4, N).
+        bend_offsets: from the first end to the middle of the bend springs across and down, shape (2,).
+        bend_stiffness: [N/m], shape (2, N).
+    """
+
+    offsets: IntArray
+    stiffness: FloatArray
+    rest: FloatArray
+    bend_offsets: IntArray
+    bend_stiffness: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Springs:
+    """E springs between two vertices, energy 1/2 k (l - l0)^2, and K bend springs on m, energy 1/2 k |sum c_a p_a|^2.
+
+    Attributes:
+        first: first ends, shape (E,).
+        second: second ends, shape (E,).
+        stiffness: k [N/m], shape (E,), none of them zero.
+        rest: rest length l0 [m], shape (E,).
+        measured: which of them run along threads, or edges of a mesh: what stretch is measured on, shape (E,).
+        bend_vertices: shape (K, m).
+        bend_coefficients: c, zero in sum, shape (K, m).
+        bend_stiffness: [N/m], shape (K,), none of them zero.
+        families: the same springs of a grid by family, None for a mesh.
+    """
+
+    first: IntArray
+    second: IntArray
+    stiffness: FloatArray
+    rest: FloatArray
+    measured: NDArray[np.bool_]
+    bend_vertices: IntArray
+    bend_coefficients: FloatArray
+    bend_stiffness: FloatArray
+    families: Families | None = None
+
+
+def springs_of(cloth: Cloth) -> Springs:
+    """Derive the springs of a cloth from its pattern and fabric."""
+    if isinstance(cloth, GridCloth):
+        from cape.assembly.grid_springs import grid_springs
+
+        return grid_springs(cloth)
+    if isinstance(cloth, MeshCloth):
+        from cape.assembly.mesh_springs import mesh_springs
+
+        return mesh_springs(cloth)
+    raise TypeError(f"no springs are known for a {type(cloth).__name__}")

@@ -1,0 +1,177 @@
+"""`cape replay`: a clip with a cape, to a recording."""
+
+import json as json_format
+import warnings
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from cape.assembly.self_contact import contact_thickness
+from cape.cli.character import read_character
+from cape.cli.checking import check_rows, checked, step_error_facts, step_error_rows
+from cape.cli.output import open_viewer, output_path
+from cape.cli.reading import Reading
+from cape.cli.retargeting import retarget_facts, retarget_rows
+from cape.cli.rows import print_rows
+from cape.cli.running import simulated
+from cape.cloth.fabric import fabric
+from cape.record import LAYERS
+from cape.record.layers import check_layers
+from cape.results.take import Take
+from cape.run.auto import Auto
+from cape.scene.dress import dress
+from cape.scene.jumps import Cuts
+from cape.scene.scene import Scene
+from cape.scene.self_contact import SelfContact
+from cape.scene.wind import Wind
+from cape.solvers import Solver, solver
+from motions.errors import UnknownNameError, ValueRangeError
+
+CUTS = {"carry": Cuts(then="carry"), "reset": Cuts(then="reset"), "off": None}
+
+
+@dataclass(frozen=True)
+class Cut:
+    """The cape and how to simulate it, as asked on the command line."""
+
+    fabric: str
+    spacing: float | None
+    length: float | None
+    solver: str | None
+    substeps: int | None
+    tolerance: float | None
+    budget: float | None
+    wind: tuple[float, float, float]
+    cuts: str
+    self_contact: bool
+
+    def method(self) -> Solver | Auto:
+        """The solver, or what is asked of it, from millimetres and milliseconds.
+
+        Raises:
+            UnknownNameError: there is no such solver.
+            ValueRangeError: a value is out of range, or a solver or its substeps are given besides what chooses them.
+        """
+        if self.tolerance is None and self.budget is None and self.solver != Auto.name:
+            return solver(self.solver or "euler", substeps=self.substeps)
+        if self.solver not in (None, Auto.name) or self.substeps is not None:
+            raise ValueRangeError("a tolerance or a budget chooses the solver and its steps: leave those out")
+        return Auto(
+            tolerance=None if self.tolerance is None else 1e-3 * self.tolerance,
+            budget=None if self.budget is None else 1e-3 * self.budget,
+        )
+
+
+def run(
+    reading: Reading,
+    cut: Cut,
+    *,
+    output: Path | None,
+    hitboxes: str | None,
+    layers: list[str] | None,
+    check: bool,
+    spawn: bool,
+    json: bool,
+) -> int:
+    """Simulate, record, report; gives the exit status."""
+    material, method, cuts = fabric(cut.fabric), cut.method(), _cuts(cut.cuts)
+    check_layers(layers, LAYERS)
+    who = read_character(reading, hitboxes=hitboxes)
+    path = output_path(output, who.name)
+    track = who.track
+    scene = dress(
+        who.body,
+        track,
+        length=cut.length,
+        spacing=cut.spacing,
+        fabric=material,
+        colliders=who.hitboxes.solids,
+        wind=Wind(velocity=cut.wind),
+    )
+    if cut.self_contact:
+        scene = replace(scene, self_contact=SelfContact())
+    take = simulated(scene, who, solver=method, cuts=cuts, check_steps=check)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        take.save(path, layers=layers, surfaces=who.surfaces)
+    notes = [*take.warnings, *(str(w.message) for w in caught if w.category is UserWarning)]
+    facts = _facts(take, scene, len({track.index(bone) for bone in scene.bones}), notes, path)
+    if who.retargeted is not None:
+        facts["retarget"] = retarget_facts(who.retargeted)
+    if check:
+        facts["check"] = checked(take)
+    if json:
+        print(json_format.dumps(facts))
+    else:
+        _print_table(take, facts)
+    if spawn:
+        open_viewer(path)
+    return 130 if take.result.startswith("stopped") else 0
+
+
+def _cuts(name: str) -> Cuts | None:
+    if name not in CUTS:
+        raise UnknownNameError("way to treat a cut", name, CUTS)
+    return CUTS[name]
+
+
+def _facts(take: Take, scene: Scene, bones: int, notes: list[str], path: Path) -> dict[str, Any]:
+    frames = len(take.positions)
+    fps = take.bones.fps if frames > 1 else 0.0
+    seconds = (frames - 1) / fps if frames > 1 else 0.0
+    return {
+        "frames": frames,
+        "fps": round(fps, 3),
+        "vertices": take.positions.shape[1],
+        "bones": bones,
+        "capsules": len(take.capsules),
+        "hitboxes": sum(collider.bone is not None for collider in take.colliders),
+        "solver": take.solver,
+        "substeps": take.substeps,
+        "step_error": step_error_facts(take, scene),
+        "compile_s": round(take.compile_s, 3),
+        "settle_s": round(take.settle_s, 3),
+        "solve_s": round(take.solve_s, 3),
+        "realtime_factor": round(seconds / take.solve_s, 2) if take.solve_s > 0.0 else None,
+        "stretch_max": round(float(take.stretch_max.max()), 5),
+        "stretch_p99": round(take.stretch_p99, 5),
+        "penetration_max_mm": round(float(take.penetration.max()) * 1000.0, 3),
+        "self_contact_mm": None if scene.self_contact is None else round(1000.0 * contact_thickness(scene), 3),
+        "left_out": dict(take.left_out),
+        "jumps": list(take.jumps),
+        "result": take.result,
+        "warnings": notes,
+        "output": str(path),
+    }
+
+
+def _print_table(take: Take, facts: dict[str, Any]) -> None:
+    frame = int(take.stretch_max.argmax())
+    deepest = int(take.penetration.argmax())
+    where = take.colliders[take.penetrated[deepest]].name if take.penetrated[deepest] >= 0 else ""
+    penetration = f"{facts['penetration_max_mm']:.1f} mm" + (f" in {where} at frame {deepest}" if where else "")
+    stretch = f"{take.stretch_max[frame]:.1%} at frame {frame}, 99 % of edges below {take.stretch_p99:.1%}"
+    factor = facts["realtime_factor"]
+    rows = [
+        ("motion", f"{facts['frames']} frames at {facts['fps']:g} fps"),
+        ("bones, hitboxes", f"{facts['bones']}, {facts['hitboxes']}"),
+        *retarget_rows(facts.get("retarget", {})),
+        *(("left out", f"{name}: {reason}") for name, reason in take.left_out.items()),
+        ("cape", f"{facts['vertices']} vertices"),
+        ("solver", f"{facts['solver']}, {facts['substeps']} substeps a frame"),
+        *step_error_rows(facts["step_error"]),
+        *_self_contact_row(facts["self_contact_mm"]),
+        ("compile time", f"{facts['compile_s']:.2f} s, and {facts['settle_s']:.2f} s to put the cape on"),
+        ("run time", f"{facts['solve_s']:.2f} s" + (f", {factor:g} times real time" if factor else "")),
+        ("largest stretch", stretch),
+        ("deepest penetration", penetration),
+        *check_rows(facts.get("check", {})),
+        ("result", facts["result"]),
+        *(("", note) for note in facts["warnings"]),
+        ("recording", facts["output"]),
+    ]
+    print_rows(rows)
+
+
+def _self_contact_row(thickness: float | None) -> list[tuple[str, str]]:
+    return [] if thickness is None else [("self-contact", f"layers of the cape stay {thickness:.1f} mm apart")]

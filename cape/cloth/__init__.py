@@ -1,0 +1,1 @@
+"""Pieces of cloth: how they are cut, of what fabric."""

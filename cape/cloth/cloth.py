@@ -1,0 +1,331 @@
+"""A piece of cloth: vertices cut from a flat pattern, on a grid or any triangle mesh, and where it starts in space."""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cape.cloth import tailoring
+from cape.cloth.fabric import Fabric
+from motions import quaternions
+from motions.errors import UnknownNameError, ValueRangeError
+from skeleton.shapes import UNIT_TOLERANCE
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+Frame = Literal["world", "wearer"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cloth(ABC):
+    """Vertices with a flat pattern; made by `Cloth.rectangle`, `Cloth.cape`, `Cloth.skirt` or `Cloth.from_mesh`.
+
+    Attributes:
+        pattern: the flat pattern, u along the weft and v down along the warp [m], shape (V, 2).
+        positions: where the vertices start [m], shape (V, 3), in `frame`.
+        frame: "world", or "wearer": origin between the wearer's shoulder joints, x forward, y left, z up.
+        neckline: where the first n vertices are worn, in the wearer's frame [m], shape (n, 3); None: where they start.
+        fabric: what it is made of.
+        layers: how many layers of the fabric each cell of a grid or each triangle of a mesh has; None for one.
+        regions: names for sets of vertices, such as "top_left".
+    """
+
+    pattern: FloatArray
+    positions: FloatArray
+    frame: Frame = "world"
+    neckline: FloatArray | None = None
+    fabric: Fabric = field(default_factory=Fabric)
+    layers: FloatArray | None = None
+    regions: Mapping[str, IntArray] = field(default_factory=dict)
+
+    @staticmethod
+    def rectangle(
+        *,
+        width: float = 1.0,
+        height: float = 1.0,
+        spacing: float = 0.03,
+        fabric: Fabric | None = None,
+        origin: ArrayLike = (0.0, 0.0, 0.0),
+        right: ArrayLike = (0.0, -1.0, 0.0),
+        down: ArrayLike = (0.0, 0.0, -1.0),
+    ) -> "GridCloth":
+        """Cut a rectangle whose top left corner is at `origin`, its edges along `right` and `down` (world, any length).
+
+        `width`, `height` and `spacing` in metres; the spacing is rounded so that whole cells fill the rectangle.
+
+        Raises:
+            ValueRangeError: a size is not positive, or the directions are parallel.
+        """
+        _require_positive(width=width, height=height, spacing=spacing)
+        rows, columns = tailoring.cells(height, spacing) + 1, tailoring.cells(width, spacing) + 1
+        u, v = np.meshgrid(np.linspace(0.0, width, columns), np.linspace(0.0, height, rows))
+        across, along = tailoring.unit(right, "right"), tailoring.unit(down, "down")
+        if np.linalg.norm(np.cross(across, along)) < 1e-6:
+            raise ValueRangeError("the directions right and down of a rectangle must not be parallel")
+        pattern = np.stack([u.ravel(), v.ravel()], axis=1)
+        return GridCloth(
+            rows=rows,
+            columns=columns,
+            pattern=pattern,
+            positions=np.asarray(origin, dtype=float) + pattern[:, :1] * across + pattern[:, 1:] * along,
+            fabric=fabric or Fabric(),
+            regions=tailoring.grid_regions(rows, columns),
+        )
+
+    @staticmethod
+    def cape(
+        *,
+        length: float = 1.1,
+        flare: float = 2.0,
+        spacing: float = 0.024,
+        shoulder_width: float = 0.36,
+        hem_layers: float = 5.0,
+        fabric: Fabric | None = None,
+    ) -> "GridCloth":
+        """Cut a cape: an annular sector whose inner edge lies around the back of the neck, from shoulder to shoulder.
+
+        Args:
+            length: from the neckline to the hem [m].
+            flare: length of the hem divided by that of the neckline, more than 1.
+            spacing: mean distance of neighbouring vertices [m].
+            shoulder_width: distance of the wearer's shoulder joints [m], which the neckline's length follows.
+            hem_layers: layers of fabric in the sewn edge, 2.4 cm wide; the collar, twice as wide, has twice as many: it
+                holds the weight of a cape that hangs from its corners.
+            fabric: what it is made of.
+
+        It starts spread out flat behind the wearer, in the wearer's frame, and is put on before the first frame.
+
+        Raises:
+            ValueRangeError: a size is not positive, the flare is not above 1, or the spacing is too wide for the cape.
+        """
+        _require_positive(length=length, spacing=spacing, shoulder_width=shoulder_width)
+        if not 1.0 < flare < 20.0:
+            raise ValueRangeError(f"the flare of a cape must be above 1 and below 20, not {flare}")
+        rows, columns, pattern, neckline = tailoring.annular_sector(length, flare, spacing, shoulder_width)
+        return GridCloth(
+            rows=rows,
+            columns=columns,
+            pattern=pattern,
+            positions=tailoring.spread_out(pattern),
+            frame="wearer",
+            neckline=neckline,
+            fabric=fabric or Fabric(),
+            layers=tailoring.sewn_edges(pattern, rows, columns, hem_layers),
+            regions=tailoring.grid_regions(rows, columns),
+        )
+
+    @staticmethod
+    def skirt(
+        *,
+        waist: float = 1.2,
+        length: float = 0.6,
+        flare: float = 1.5,
+        spacing: float = 0.04,
+        fabric: Fabric | None = None,
+    ) -> "MeshCloth":
+        """Cut a skirt: a cone around the Z axis, closed, from its waist at z = 0 down, without tension as it starts.
+
+        `moved` brings it to its wearer, `attach` by its region "waist" hangs it on a bone; "hem" is the other end.
+
+        Args:
+            waist: circumference of the waist [m]; it stays a circle, so it must clear the body where that is broadest.
+            length: from the waist to the hem, along the cloth [m].
+            flare: circumference of the hem divided by that of the waist; 1 for a tube.
+            spacing: mean distance of neighbouring vertices [m].
+            fabric: what it is made of.
+
+        Raises:
+            ValueRangeError: a size is not positive, the spacing is too wide for the skirt, or so wide a hem would not
+                even lie flat.
+        """
+        _require_positive(waist=waist, length=length, flare=flare, spacing=spacing)
+        places, triangles, folded, regions = tailoring.frustum(waist, length, flare, spacing)
+        return replace(Cloth.from_mesh(places, triangles, fabric=fabric), pattern=folded, regions=regions)
+
+    @staticmethod
+    def from_mesh(
+        positions: ArrayLike,
+        triangles: ArrayLike,
+        *,
+        pattern: ArrayLike | None = None,
+        fabric: Fabric | None = None,
+        regions: Mapping[str, ArrayLike] | None = None,
+    ) -> "MeshCloth":
+        """Make a cloth of any triangle mesh.
+
+        Args:
+            positions: where the vertices start in the world [m], shape (V, 3).
+            triangles: vertex indices, shape (T, 3).
+            pattern: the flat pattern in which it has no tension, u along the weft and v along the warp [m], shape
+                (V, 2); None for a cloth that has no tension where it starts, with warp threads as vertical as they go.
+            fabric: what it is made of.
+            regions: names for sets of vertices.
+
+        Raises:
+            ValueRangeError: a shape is wrong, a number is not finite, an index is outside, a triangle has no area, an
+                edge belongs to more than two triangles, or a vertex to none.
+        """
+        from cape.cloth.triangle_mesh import check_mesh
+
+        mesh = check_mesh(positions, triangles, pattern)
+        cloth = MeshCloth(
+            pattern=mesh.pattern,
+            positions=mesh.positions,
+            faces=mesh.triangles,
+            corners=mesh.corners,
+            fabric=fabric or Fabric(),
+        )
+        return replace(cloth, regions={name: cloth.region(np.asarray(r)) for name, r in (regions or {}).items()})
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for array in (self.pattern, self.positions, self.neckline, *self.regions.values()):
+            if array is not None:
+                array.flags.writeable = False
+
+    def moved(self, position: ArrayLike, rotation_wxyz: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> Self:
+        """The same cloth, started elsewhere: turned about the world's origin, then shifted.
+
+        Given a bone's pose it brings a cloth that was laid out in the bone's frame to where the bone is.
+
+        Args:
+            position: the shift [m], shape (3,).
+            rotation_wxyz: unit quaternion (w, x, y, z), shape (4,).
+
+        Raises:
+            ValueRangeError: a number is not finite, the quaternion is not of unit length, or the cloth starts in the
+                wearer's frame, which places it.
+        """
+        if self.frame != "world":
+            raise ValueRangeError("a cloth in the wearer's frame starts where the wearer is: it can't be moved")
+        shift, turn = np.array(position, dtype=float), np.array(rotation_wxyz, dtype=float)
+        if shift.shape != (3,) or not np.isfinite(shift).all():
+            raise ValueRangeError(f"position must be 3 finite numbers, not {position}")
+        if turn.shape != (4,) or not abs(np.linalg.norm(turn) - 1.0) < UNIT_TOLERANCE:
+            raise ValueRangeError(f"rotation_wxyz must be a quaternion of unit length, not {rotation_wxyz}")
+        return replace(self, positions=shift + quaternions.rotate(turn, self.positions))
+
+    @property
+    def vertices(self) -> int:
+        """Number of vertices."""
+        return len(self.positions)
+
+    @property
+    @abstractmethod
+    def triangles(self) -> NDArray[np.int32]:
+        """Vertex indices of the T triangles, shape (T, 3)."""
+
+    @property
+    @abstractmethod
+    def texcoords(self) -> NDArray[np.float32]:
+        """Texture coordinates, 0 to 1 over the cloth, shape (V, 2)."""
+
+    @abstractmethod
+    def masses(self) -> FloatArray:
+        """Mass of each vertex [kg], shape (V,): a third of its triangles' area in the pattern times the density."""
+
+    def region(self, vertices: str | Sequence[int] | NDArray[np.integer]) -> IntArray:
+        """Resolve a region's name or check indices, which come back as given.
+
+        Raises:
+            UnknownNameError: there is no such region.
+            ValueRangeError: an index is outside of the cloth or no whole number, or there is none.
+        """
+        if isinstance(vertices, str):
+            if vertices not in self.regions:
+                raise UnknownNameError("cloth region", vertices, self.regions)
+            return self.regions[vertices]
+        given = np.asarray(vertices)
+        if given.size == 0:
+            raise ValueRangeError("no vertices given")
+        if given.dtype.kind not in "iu":
+            raise ValueRangeError(f"vertices are given by a region's name or by whole numbers, not by {given.dtype}")
+        indices = given.astype(np.int64).ravel()
+        if (outside := (indices < 0) | (indices >= self.vertices)).any():
+            raise ValueRangeError(f"vertex {indices[outside][0]} is outside of a cloth of {self.vertices} vertices")
+        return indices
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GridCloth(Cloth):
+    """A grid of rows x columns vertices, row after row from the top, the columns from the wearer's left to the right.
+
+    Attributes:
+        rows: number of rows.
+        columns: number of columns.
+    """
+
+    rows: int
+    columns: int
+
+    @property
+    def triangles(self) -> NDArray[np.int32]:
+        """Vertex indices, two triangles a cell, shape (2 (rows - 1) (columns - 1), 3)."""
+        corner = (np.arange(self.rows - 1)[:, None] * self.columns + np.arange(self.columns - 1)).ravel()
+        right, down, across = corner + 1, corner + self.columns, corner + self.columns + 1
+        faces = np.concatenate([np.stack([corner, down, right], axis=1), np.stack([across, right, down], axis=1)])
+        return faces.astype(np.int32)
+
+    @property
+    def texcoords(self) -> NDArray[np.float32]:
+        """Texture coordinates, 0 to 1 along rows and down, shape (V, 2)."""
+        u, v = np.meshgrid(np.linspace(0.0, 1.0, self.columns), np.linspace(0.0, 1.0, self.rows))
+        return np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float32)
+
+    def masses(self) -> FloatArray:
+        """Mass of each vertex [kg], shape (V,): a third of its triangles' area in the pattern times the density."""
+        layers = np.ones(1) if self.layers is None else np.tile(self.layers.ravel(), 2)
+        return _thirds(
+            self.triangles, areas(self.pattern[self.triangles]) * layers * self.fabric.density, self.vertices
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MeshCloth(Cloth):
+    """Any triangle mesh.
+
+    Attributes:
+        faces: vertex indices of the triangles, shape (T, 3).
+        corners: of each triangle where it has no tension, laid flat: along the weft and the warp [m], shape (T, 3, 2).
+    """
+
+    faces: IntArray
+    corners: FloatArray
+
+    @property
+    def triangles(self) -> NDArray[np.int32]:
+        """Vertex indices of the T triangles, shape (T, 3)."""
+        return self.faces.astype(np.int32)
+
+    @property
+    def texcoords(self) -> NDArray[np.float32]:
+        """The pattern, scaled to fit 0 to 1, shape (V, 2)."""
+        low = self.pattern.min(axis=0)
+        return ((self.pattern - low) / (self.pattern - low).max()).astype(np.float32)
+
+    def masses(self) -> FloatArray:
+        """Mass of each vertex [kg], shape (V,): a third of its triangles' area without tension times the density."""
+        layers = np.ones(1) if self.layers is None else self.layers
+        return _thirds(self.faces, areas(self.corners) * layers * self.fabric.density, self.vertices)
+
+
+def areas(corners: FloatArray) -> FloatArray:
+    """Areas of flat triangles with corners (T, 3, 2) [m], shape (T,) [m2]."""
+    p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return np.abs(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]) / 2.0
+
+
+def _thirds(triangles: NDArray[np.integer], masses: FloatArray, vertices: int) -> FloatArray:
+    """Give each corner a third of its triangle's mass [kg]."""
+    return np.bincount(triangles.ravel(), weights=np.repeat(masses / 3.0, 3), minlength=vertices).astype(float)
+
+
+def _require_positive(**sizes: float) -> None:
+    for name, value in sizes.items():
+        if not 0.0 < value < math.inf:
+            raise ValueRangeError(f"{name.replace('_', ' ')} must be positive and finite, not {value}")

@@ -1,0 +1,1 @@
+"""Implicit steps, and the equations that are solved in them."""

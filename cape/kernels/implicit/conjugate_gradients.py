@@ -1,0 +1,137 @@
+"""Conjugate gradients with a block-diagonal preconditioner (Saad 2003, algorithm 9.1), for one thread or a team.
+
+Sums are taken in chunks of 64 vertices, each by whoever has it, and the chunks' sums one after the other by everyone:
+the same bits for any number of threads.
+"""
+
+import numpy as np
+
+from cape.kernels.implicit.stiffness import multiply
+from cape.kernels.jit import driver, kernel
+from cape.kernels.team import meet
+
+CHUNK = 64  # vertices; the ranges of threads are multiples of it
+LANES = np.uint64(8)
+FAINTEST = 1e-34  # squared residual; below it terms in single precision lose digits, and steps go anywhere
+
+
+@kernel
+def sum_chunks(terms, sums):
+    """Set each sum to that of its 64 terms, in eight running sums that one vector register holds."""
+    for chunk in range(sums.size):
+        t = terms[chunk * CHUNK :]
+        a, b, c, d, e, f, g, h = t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7]
+        for k in range(LANES, np.uint64(CHUNK), LANES):
+            a += t[k]
+            b += t[k + np.uint64(1)]
+            c += t[k + np.uint64(2)]
+            d += t[k + np.uint64(3)]
+            e += t[k + np.uint64(4)]
+            f += t[k + np.uint64(5)]
+            g += t[k + np.uint64(6)]
+            h += t[k + np.uint64(7)]
+        sums[chunk] = ((a + b) + (c + d)) + ((e + f) + (g + h))
+
+
+@kernel
+def dot_terms(px, py, pz, qx, qy, qz, terms):
+    """Set what each vertex adds to the dot product of p and q."""
+    for i in range(terms.size):
+        terms[i] = px[i] * qx[i] + py[i] * qy[i] + pz[i] * qz[i]
+
+
+@kernel
+def set_out(xx, yy, zz, xy, xz, yz, rx, ry, rz, dx, dy, dz, zx, zy, zz_, px, py, pz, terms):
+    """Start from the solution 0: the first direction p and z are the preconditioned residual."""
+    for i in range(terms.size):
+        a, b, c = rx[i], ry[i], rz[i]
+        dx[i] = dy[i] = dz[i] = 0
+        u = xx[i] * a + xy[i] * b + xz[i] * c
+        v = xy[i] * a + yy[i] * b + yz[i] * c
+        w = xz[i] * a + yz[i] * b + zz[i] * c
+        zx[i], zy[i], zz_[i] = u, v, w
+        px[i], py[i], pz[i] = u, v, w
+        terms[i] = a * u + b * v + c * w
+
+
+@kernel
+def descend(
+    alpha, xx, yy, zz, xy, xz, yz, px, py, pz, qx, qy, qz, dx, dy, dz, rx, ry, rz, zx, zy, zz_, terms
+):  # fmt: skip
+    """Go along p: solution, residual and preconditioned residual."""
+    for i in range(terms.size):
+        dx[i] += alpha * px[i]
+        dy[i] += alpha * py[i]
+        dz[i] += alpha * pz[i]
+        a, b, c = rx[i] - alpha * qx[i], ry[i] - alpha * qy[i], rz[i] - alpha * qz[i]
+        rx[i], ry[i], rz[i] = a, b, c
+        u = xx[i] * a + xy[i] * b + xz[i] * c
+        v = xy[i] * a + yy[i] * b + yz[i] * c
+        w = xz[i] * a + yz[i] * b + zz[i] * c
+        zx[i], zy[i], zz_[i] = u, v, w
+        terms[i] = a * u + b * v + c * w
+
+
+@kernel
+def turn(beta, zx, zy, zz, px, py, pz):
+    """The next direction: p = z + beta p."""
+    for i in range(px.size):
+        px[i] = zx[i] + beta * px[i]
+        py[i] = zy[i] + beta * py[i]
+        pz[i] = zz[i] + beta * pz[i]
+
+
+@driver
+def total(sums):
+    """Sum of the chunks' sums, one after the other."""
+    result = 0.0
+    for chunk in range(sums.size):
+        result += sums[chunk]
+    return result
+
+
+@driver
+def sum_all(lo, hi, front, terms, sums, team):
+    """Sum of the terms of all vertices, of which this thread has set those from lo to hi."""
+    sum_chunks(terms[front + lo :], sums[lo // CHUNK : (hi + CHUNK - 1) // CHUNK])
+    meet(team)
+    return total(sums)
+
+
+@driver
+def solve_linear(lo, hi, model, matrix, b, scratch, inverse, vectors, terms, sums, forcing, most, team):
+    """Solve A d = r until the residual, in the norm of the preconditioner, is `forcing` times what it was.
+
+    `vectors` (5, 3, L) holds d, r, z, p, q; r becomes the residual. Returns the number of iterations and r . d of the
+    given r.
+    """
+    front = matrix.front
+    dtype = vectors.dtype.type
+    a, e = front + lo, front + hi
+    d, r, z, p, q = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
+    m = inverse
+    set_out(
+        m[0, a:e], m[1, a:e], m[2, a:e], m[3, a:e], m[4, a:e], m[5, a:e], r[0, a:e], r[1, a:e], r[2, a:e],
+        d[0, a:e], d[1, a:e], d[2, a:e], z[0, a:e], z[1, a:e], z[2, a:e], p[0, a:e], p[1, a:e], p[2, a:e], terms[a:e],
+    )  # fmt: skip
+    squared = sum_all(lo, hi, front, terms, sums[0], team)
+    enough = max(forcing * forcing * squared, FAINTEST)
+    slope = 0.0
+    for iteration in range(most):
+        if not squared > enough:
+            return iteration, slope
+        multiply(lo, hi, model, matrix, b, scratch, p, q, team)
+        dot_terms(p[0, a:e], p[1, a:e], p[2, a:e], q[0, a:e], q[1, a:e], q[2, a:e], terms[a:e])
+        alpha = squared / sum_all(lo, hi, front, terms, sums[1], team)
+        # p . r of the given r is the squared norm of the residual here, since the directions before are conjugate.
+        slope += alpha * squared
+        descend(
+            dtype(alpha), m[0, a:e], m[1, a:e], m[2, a:e], m[3, a:e], m[4, a:e], m[5, a:e],
+            p[0, a:e], p[1, a:e], p[2, a:e], q[0, a:e], q[1, a:e], q[2, a:e], d[0, a:e], d[1, a:e], d[2, a:e],
+            r[0, a:e], r[1, a:e], r[2, a:e], z[0, a:e], z[1, a:e], z[2, a:e], terms[a:e],
+        )  # fmt: skip
+        before = squared
+        squared = sum_all(lo, hi, front, terms, sums[0], team)
+        turn(dtype(squared / before), z[0, a:e], z[1, a:e], z[2, a:e], p[0, a:e], p[1, a:e], p[2, a:e])
+        meet(team)
+    return most, slope

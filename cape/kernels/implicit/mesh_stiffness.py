@@ -1,0 +1,131 @@
+"""Products with the stiffness of a mesh, link by link as in `kernels.cloth.mesh`; see `stiffness` for the matrix.
+
+Each link holds w and c of its spring, with bending added to c: the matrix of all bends is one of differences along
+links, some of them of negative weight. `coefficients` has the rows wx, wy, wz, c of each row of links, (blocks, D, 4,
+BLOCK); `ends` is room for what each link keeps for its other end, laid out as the forces there.
+"""
+
+from cape.kernels.absent import row
+from cape.kernels.cloth.mesh import BLOCK, ENDS, collect
+from cape.kernels.implicit.linearise import linearised
+from cape.kernels.jit import driver, inlined, kernel
+from cape.kernels.team import meet
+
+
+@kernel
+def linearise_links(
+    lo, hi, x, y, z, second, stiffness, rest, weight, stretched, bend_scale, tiny, coefficients
+):  # fmt: skip
+    """Fill w and c of the links that vertices lo to hi own."""
+    for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
+        start = block * BLOCK
+        own_x, own_y, own_z = x[start:], y[start:], z[start:]
+        for d in range(second.shape[1]):
+            others, k, rests = second[block, d], stiffness[block, d], rest[block, d]
+            bends = row(row(weight, block), d)
+            w = coefficients[block, d]
+            for i in range(min(BLOCK, hi - start)):
+                j = others[i]
+                w[0, i], w[1, i], w[2, i], spring = linearised(
+                    x[j] - own_x[i], y[j] - own_y[i], z[j] - own_z[i], k[i], rests[i], stretched, tiny
+                )
+                w[3, i] = spring + bend_of(bends, i, bend_scale)
+
+
+@inlined
+def bend_of(weight, i, scale):
+    """Bending along link i [N/m], 0 without bending."""
+    if weight is None:
+        return 0
+    return scale * weight[i]
+
+
+@kernel
+def multiply_links(lo, hi, second, coefficients, px, py, pz, ends, qx, qy, qz):
+    """Add the links of vertices lo to hi times p to q at their owners, keep the opposite for their other ends."""
+    rows = second.shape[1]
+    for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
+        start = block * BLOCK
+        ox, oy, oz = px[start:], py[start:], pz[start:]
+        sx, sy, sz = qx[start:], qy[start:], qz[start:]
+        for d in range(rows):
+            others, w, kept = second[block, d], coefficients[block, d], ends[(block * rows + d) * ENDS :]
+            for i in range(BLOCK):
+                j = others[i]
+                dx, dy, dz = ox[i] - px[j], oy[i] - py[j], oz[i] - pz[j]
+                along = w[0, i] * dx + w[1, i] * dy + w[2, i] * dz
+                fx = along * w[0, i] + w[3, i] * dx
+                fy = along * w[1, i] + w[3, i] * dy
+                fz = along * w[2, i] + w[3, i] * dz
+                kept[i], kept[BLOCK + i], kept[2 * BLOCK + i] = -fx, -fy, -fz
+                sx[i] += fx
+                sy[i] += fy
+                sz[i] += fz
+
+
+@kernel
+def keep_entries(lo, hi, coefficients, ends, mixed, a, b, c):
+    """Add three `entries` of the blocks of the links of vertices lo to hi there, and keep them for the other ends."""
+    rows = coefficients.shape[1]
+    for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
+        start = block * BLOCK
+        own_a, own_b, own_c = a[start:], b[start:], c[start:]
+        for d in range(rows):
+            w, kept = coefficients[block, d], ends[(block * rows + d) * ENDS :]
+            for i in range(BLOCK):
+                x, y, z = entries(w[0, i], w[1, i], w[2, i], w[3, i], mixed)
+                kept[i], kept[BLOCK + i], kept[2 * BLOCK + i] = x, y, z
+                own_a[i] += x
+                own_b[i] += y
+                own_c[i] += z
+
+
+@inlined
+def entries(x, y, z, c, mixed):
+    """The diagonal of w w' + c, w = (x, y, z); with `mixed`, unless it is None, xy, xz, yz, which c does not touch."""
+    if mixed is None:
+        return x * x + c, y * y + c, z * z + c
+    return x * y, x * z, y * z
+
+
+@driver
+def gather(lo, hi, links, ends, a, b, c):
+    """Add to each vertex lo to hi what the links of others keep for it."""
+    collect(lo, hi, links.sorted_vertices, links.start, links.incoming, ends, a, b, c)
+
+
+@driver
+def linearise_mesh(lo, hi, s, links, bends, stretched, bend_scale, coefficients):
+    """Fill w and c of the links that vertices lo to hi own."""
+    tiny = s.x.dtype.type(1e-18)
+    if bends is not None:
+        linearise_links(
+            lo, hi, s.x, s.y, s.z, links.second, links.stiffness, links.rest, bends.weight, stretched, bend_scale,
+            tiny, coefficients,
+        )  # fmt: skip
+    else:
+        linearise_links(
+            lo, hi, s.x, s.y, s.z, links.second, links.stiffness, links.rest, None, stretched, bend_scale,
+            tiny, coefficients,
+        )  # fmt: skip
+
+
+@driver
+def add_mesh_product(lo, hi, links, coefficients, ends, p, q, team):
+    """Add the product of a mesh's links with p to q on the vertices lo to hi."""
+    multiply_links(lo, hi, links.second, coefficients, p[0], p[1], p[2], ends, q[0], q[1], q[2])
+    meet(team)
+    gather(lo, hi, links, ends, q[0], q[1], q[2])
+
+
+@driver
+def add_mesh_blocks(lo, hi, links, coefficients, ends, blocks, team):
+    """Add a mesh's links to the blocks of the vertices lo to hi."""
+    keep_entries(lo, hi, coefficients, ends, None, blocks[0], blocks[1], blocks[2])
+    meet(team)
+    gather(lo, hi, links, ends, blocks[0], blocks[1], blocks[2])
+    meet(team)
+    keep_entries(lo, hi, coefficients, ends, True, blocks[3], blocks[4], blocks[5])
+    meet(team)
+    gather(lo, hi, links, ends, blocks[3], blocks[4], blocks[5])
+    meet(team)

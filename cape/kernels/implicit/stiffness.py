@@ -1,0 +1,274 @@
+"""Products with the matrix of a Newton step, without ever storing it, and its block diagonal.
+
+The matrix is A = M/b^2 + K, with K a positive semidefinite stand-in for minus the derivative of the forces with respect
+to the positions, where velocities follow these as v = (x - xt)/b:
+
+    spring:   k (1 + tau/b) u u^T + k max(0, 1 - l0/l) (I - u u^T)    Choi and Ko 2002, section 4: a compressed spring
+                                                                     has no negative stiffness across
+            = w w^T + c I  with  c = k max(0, 1 - l0/l),  w = (k (1 + tau/b) - c)^1/2 u
+    bend:     k (1 + tau_b/b) times the outer product of its coefficients, exactly
+    own:      a symmetric 3x3 block of each vertex: mass, diagonal of the bends, air, contact
+
+Vectors have shape (3, L): `front` zeros, the N vertices, zeros to a multiple of 64, `front` zeros, so that a stencil
+never leaves the array. Blocks are stored as the rows xx, yy, zz, xy, xz, yz.
+"""
+
+from cape.kernels.implicit.linearise import linearised
+from cape.kernels.implicit.mesh_stiffness import add_mesh_blocks, add_mesh_product, linearise_mesh
+from cape.kernels.jit import driver, inlined, kernel
+from cape.kernels.team import meet
+
+
+@kernel
+def linearise_family(offset, stretched, tiny, x, y, z, stiffness, rest, wx, wy, wz, c):
+    """Fill w and c of one family's springs, from vertex i to i + offset."""
+    x1, y1, z1 = x[offset:], y[offset:], z[offset:]
+    for i in range(wx.size):
+        wx[i], wy[i], wz[i], c[i] = linearised(
+            x1[i] - x[i], y1[i] - y[i], z1[i] - z[i], stiffness[i], rest[i], stretched, tiny
+        )
+
+
+@kernel
+def add_family_product(offset, wx, wy, wz, c, px, py, pz, sx, sy, sz, qx, qy, qz):
+    """Add the product of one family with p to q.
+
+    q begins at the first vertex wanted; the springs and p begin `offset` before it, with those springs that end there.
+    """
+    count = qx.size
+    p1x, p1y, p1z = px[offset:], py[offset:], pz[offset:]
+    for i in range(count + offset):
+        dx, dy, dz = px[i] - p1x[i], py[i] - p1y[i], pz[i] - p1z[i]
+        along = wx[i] * dx + wy[i] * dy + wz[i] * dz
+        sx[i] = along * wx[i] + c[i] * dx
+        sy[i] = along * wy[i] + c[i] * dy
+        sz[i] = along * wz[i] + c[i] * dz
+    s1x, s1y, s1z = sx[offset:], sy[offset:], sz[offset:]
+    for i in range(count):
+        qx[i] += s1x[i] - sx[i]
+        qy[i] += s1y[i] - sy[i]
+        qz[i] += s1z[i] - sz[i]
+
+
+@kernel
+def add_bend_product(offset, scale, near, far, px, py, pz, qx, qy, qz):
+    """Add the couplings of one family of bend springs: those of a vertex with the next ones and the second next.
+
+    q begins at the first vertex wanted, `near`, `far` and p two offsets before it.
+    """
+    near0, near1, far1 = near[offset:], near[2 * offset :], far[2 * offset :]
+    x1, y1, z1 = px[offset:], py[offset:], pz[offset:]
+    x3, y3, z3 = px[3 * offset :], py[3 * offset :], pz[3 * offset :]
+    x4, y4, z4 = px[4 * offset :], py[4 * offset :], pz[4 * offset :]
+    for i in range(qx.size):
+        a, b, c, d = far[i], near0[i], near1[i], far1[i]
+        qx[i] += scale * (a * px[i] + b * x1[i] + c * x3[i] + d * x4[i])
+        qy[i] += scale * (a * py[i] + b * y1[i] + c * y3[i] + d * y4[i])
+        qz[i] += scale * (a * pz[i] + b * z1[i] + c * z3[i] + d * z4[i])
+
+
+@kernel
+def multiply_blocks(xx, yy, zz, xy, xz, yz, px, py, pz, qx, qy, qz):
+    """Set q to the product of each vertex's block with p."""
+    for i in range(qx.size):
+        x, y, z = px[i], py[i], pz[i]
+        qx[i] = xx[i] * x + xy[i] * y + xz[i] * z
+        qy[i] = xy[i] * x + yy[i] * y + yz[i] * z
+        qz[i] = xz[i] * x + yz[i] * y + zz[i] * z
+
+
+@kernel
+def add_family_blocks(offset, wx, wy, wz, c, xx, yy, zz, xy, xz, yz):
+    """Add one family's springs to the blocks of both their ends; the springs begin `offset` before the blocks."""
+    w1x, w1y, w1z, c1 = wx[offset:], wy[offset:], wz[offset:], c[offset:]
+    for i in range(xx.size):
+        both = c[i] + c1[i]
+        xx[i] += wx[i] * wx[i] + w1x[i] * w1x[i] + both
+        yy[i] += wy[i] * wy[i] + w1y[i] * w1y[i] + both
+        zz[i] += wz[i] * wz[i] + w1z[i] * w1z[i] + both
+        xy[i] += wx[i] * wy[i] + w1x[i] * w1y[i]
+        xz[i] += wx[i] * wz[i] + w1x[i] * w1z[i]
+        yz[i] += wy[i] * wz[i] + w1y[i] * w1z[i]
+
+
+@kernel
+def invert_blocks(free, xx, yy, zz, xy, xz, yz):
+    """Replace each block by its inverse, by 0 where `free` is 0."""
+    for i in range(xx.size):
+        a, b, c, d, e, f = xx[i], yy[i], zz[i], xy[i], xz[i], yz[i]
+        minor_x, minor_y, minor_z = b * c - f * f, e * f - d * c, d * f - b * e
+        scale = free[i] / (a * minor_x + d * minor_y + e * minor_z)
+        xx[i] = scale * minor_x
+        xy[i] = scale * minor_y
+        xz[i] = scale * minor_z
+        yy[i] = scale * (a * c - e * e)
+        yz[i] = scale * (d * e - a * f)
+        zz[i] = scale * (a * b - d * d)
+
+
+@kernel
+def copy(values, out):
+    """Set `out` to the values."""
+    for i in range(out.size):
+        out[i] = values[i]
+
+
+@kernel
+def add(values, out):
+    """Add the values to `out`."""
+    for i in range(out.size):
+        out[i] += values[i]
+
+
+@kernel
+def set_blocks(mass_scale, bend_scale, mass, bend_diagonal, xx, yy, zz, xy, xz, yz):
+    """Set the own blocks to mass/b^2 plus the diagonal of the bends; scaled by 1/b^2 and 1 + tau_b/b."""
+    for i in range(xx.size):
+        xx[i] = yy[i] = zz[i] = mass_scale * mass[i] + bend_scale * bend_diagonal[i]
+        xy[i] = xz[i] = yz[i] = 0
+
+
+@driver
+def linearise_grid(lo, hi, s, springs, stretched, front, coefficients):
+    """Fill w and c of the springs of a grid that start from vertices lo to hi."""
+    dtype = s.x.dtype.type
+    for family in range(springs.offsets.size):
+        offset = springs.offsets[family]
+        end = min(hi, s.x.size - offset)
+        if end > lo:
+            a, e = front + lo, front + end
+            w = coefficients[4 * family : 4 * family + 4]
+            linearise_family(
+                offset, stretched, dtype(1e-18), s.x[lo:], s.y[lo:], s.z[lo:],
+                springs.stiffness[family, lo:], springs.rest[family, lo:], w[0, a:e], w[1, a:e], w[2, a:e], w[3, a:e],
+            )  # fmt: skip
+
+
+@driver
+def add_grid_product(lo, hi, springs, front, coefficients, scratch, p, q):
+    """Add the product of a grid's springs with p to q on the vertices lo to hi; `scratch` is this thread's own."""
+    a, e = front + lo, front + hi
+    for family in range(springs.offsets.size):
+        offset = springs.offsets[family]
+        w, b = coefficients[4 * family : 4 * family + 4], a - offset
+        add_family_product(
+            offset, w[0, b:], w[1, b:], w[2, b:], w[3, b:], p[0, b:], p[1, b:], p[2, b:],
+            scratch[0], scratch[1], scratch[2], q[0, a:e], q[1, a:e], q[2, a:e],
+        )  # fmt: skip
+
+
+@driver
+def add_grid_bend_product(lo, hi, bends, scale, front, couplings, p, q):
+    """Add the product of a grid's bend springs with p to q, without their diagonal, on the vertices lo to hi."""
+    a, e = front + lo, front + hi
+    for family in range(bends.offsets.size):
+        offset = bends.offsets[family]
+        b = a - 2 * offset
+        add_bend_product(
+            offset, scale, couplings[2 * family, b:], couplings[2 * family + 1, b:],
+            p[0, b:], p[1, b:], p[2, b:], q[0, a:e], q[1, a:e], q[2, a:e],
+        )  # fmt: skip
+
+
+@driver
+def add_grid_blocks(lo, hi, springs, front, coefficients, blocks):
+    """Add a grid's springs to the blocks of the vertices lo to hi."""
+    a, e = front + lo, front + hi
+    for family in range(springs.offsets.size):
+        offset = springs.offsets[family]
+        w, b = coefficients[4 * family : 4 * family + 4], a - offset
+        add_family_blocks(
+            offset, w[0, b:], w[1, b:], w[2, b:], w[3, b:],
+            blocks[0, a:e], blocks[1, a:e], blocks[2, a:e], blocks[3, a:e], blocks[4, a:e], blocks[5, a:e],
+        )  # fmt: skip
+
+
+@inlined
+def damped(damping_time, b):
+    """What damping multiplies a stiffness by: 1 + tau/b."""
+    if damping_time is None:
+        return 1.0
+    return 1.0 + damping_time / b
+
+
+@driver
+def multiply(lo, hi, model, matrix, b, scratch, p, q, team):
+    """Set q to A p on the vertices lo to hi; reads p everywhere."""
+    m, a, e = matrix.own, matrix.front + lo, matrix.front + hi
+    multiply_blocks(
+        m[0, a:e], m[1, a:e], m[2, a:e], m[3, a:e], m[4, a:e], m[5, a:e], p[0, a:e], p[1, a:e], p[2, a:e],
+        q[0, a:e], q[1, a:e], q[2, a:e],
+    )  # fmt: skip
+    _add_products(
+        lo, hi, model.grid, model.grid_bends, damped(model.bend_damping, b), matrix.front, matrix.springs,
+        matrix.bends, scratch, p, q,
+    )  # fmt: skip
+    _add_link_products(lo, hi, model.mesh, matrix.springs, matrix.ends, p, q, team)
+
+
+@driver
+def _add_products(lo, hi, grid, grid_bends, bend_scale, front, springs, bends, scratch, p, q):
+    if grid is not None:
+        add_grid_product(lo, hi, grid, front, springs, scratch, p, q)
+    if grid_bends is not None:
+        add_grid_bend_product(lo, hi, grid_bends, q.dtype.type(bend_scale), front, bends, p, q)
+
+
+@driver
+def _add_link_products(lo, hi, mesh, coefficients, ends, p, q, team):
+    if mesh is not None:
+        add_mesh_product(lo, hi, mesh, coefficients, ends, p, q, team)
+
+
+@driver
+def prepare(lo, hi, s, model, b, matrix, penalty, inverse, team):
+    """Linearise at the state `s`: springs, own blocks, and the inverse of A's block diagonal."""
+    stretched = s.x.dtype.type(damped(model.damping, b))
+    bend_scale = damped(model.bend_damping, b)
+    _linearise(lo, hi, s, model.grid, stretched, matrix.front, matrix.springs)
+    _linearise_links(lo, hi, s, model.mesh, model.mesh_bends, stretched, s.x.dtype.type(bend_scale), matrix.springs)
+    meet(team)
+    dtype = inverse.dtype.type
+    m, a, e = matrix.own, matrix.front + lo, matrix.front + hi
+    set_blocks(
+        dtype(1.0 / (b * b)), dtype(bend_scale), matrix.mass[a:e], matrix.bend_diagonal[a:e],
+        m[0, a:e], m[1, a:e], m[2, a:e], m[3, a:e], m[4, a:e], m[5, a:e],
+    )  # fmt: skip
+    _add_contact_blocks(lo, hi, matrix.front, penalty, m)
+    for row in range(6):
+        copy(m[row, a:e], inverse[row, a:e])
+    _add_blocks(lo, hi, model.grid, matrix.front, matrix.springs, inverse)
+    _add_link_blocks(lo, hi, model.mesh, matrix.springs, matrix.ends, inverse, team)
+    n = inverse
+    invert_blocks(matrix.free[a:e], n[0, a:e], n[1, a:e], n[2, a:e], n[3, a:e], n[4, a:e], n[5, a:e])
+
+
+@driver
+def _linearise(lo, hi, s, grid, stretched, front, springs):
+    if grid is not None:
+        linearise_grid(lo, hi, s, grid, stretched, front, springs)
+
+
+@driver
+def _add_contact_blocks(lo, hi, front, penalty, own):
+    if penalty is not None:
+        for row in range(6):
+            add(penalty.blocks[row, lo:hi], own[row, front + lo : front + hi])
+
+
+@driver
+def _add_blocks(lo, hi, grid, front, springs, blocks):
+    if grid is not None:
+        add_grid_blocks(lo, hi, grid, front, springs, blocks)
+
+
+@driver
+def _linearise_links(lo, hi, s, mesh, bends, stretched, bend_scale, coefficients):
+    if mesh is not None:
+        linearise_mesh(lo, hi, s, mesh, bends, stretched, bend_scale, coefficients)
+
+
+@driver
+def _add_link_blocks(lo, hi, mesh, coefficients, ends, blocks, team):
+    if mesh is not None:
+        add_mesh_blocks(lo, hi, mesh, coefficients, ends, blocks, team)

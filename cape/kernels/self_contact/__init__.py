@@ -1,0 +1,1 @@
+"""Contact of a cloth with itself."""

@@ -1,0 +1,1 @@
+"""What all solvers share in a frame, and symplectic Euler."""

@@ -1,0 +1,39 @@
+"""The energy of a cloth, from the definition of its springs, in double precision."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.assemble import Assembly
+from cape.kernels.cloth.measure import kinetic_energy
+from cape.kernels.records import State
+
+FloatArray = NDArray[np.float64]
+
+
+class Energy(NamedTuple):
+    """Energies [J]: of motion, of stretched and bent springs, and of height, 0 at the origin of the world."""
+
+    kinetic: float
+    elastic: float
+    potential: float
+
+    @property
+    def total(self) -> float:
+        """All of it [J]."""
+        return self.kinetic + self.elastic + self.potential
+
+
+def energy_of(assembly: Assembly, state: State, origin: FloatArray) -> Energy:
+    """Energies of an assembled cloth; positions refer to `origin`, in the world [m], shape (3,)."""
+    positions = np.stack(state[:3], axis=1).astype(float)
+    springs, mass = assembly.springs, assembly.mass
+    lengths = np.linalg.norm(positions[springs.second] - positions[springs.first], axis=1)
+    bends = np.einsum("km,kmc->kc", springs.bend_coefficients, positions[springs.bend_vertices])
+    return Energy(
+        kinetic=float(kinetic_energy(mass, state.vx, state.vy, state.vz)),
+        elastic=0.5 * float(springs.stiffness @ (lengths - springs.rest) ** 2)
+        + 0.5 * float(springs.bend_stiffness @ np.sum(bends**2, axis=1)),
+        potential=-float(mass @ ((positions + origin) @ np.asarray(assembly.scene.gravity))),
+    )

@@ -1,0 +1,240 @@
+"""Where the energy of a run comes from and where it goes, kept substep by substep.
+
+Vertex i of mass m goes from x0, v0 to x1, v1 within a substep h. With u = (v0 + v1) / 2 its kinetic energy changes by
+exactly m (v1 - v0) . u. Forces of three kinds are known:
+
+    f  springs and gravity, which have an energy:   work  f . (x1 - x0),  f = (f0 + 4 fm + f1) / 6
+    d  damping of the springs:                      work  h d . u,        d = (d0 + d1) / 2
+    a  air, which may move and give energy:         work  h a . u,        a = (a0 + a1) / 2
+
+of which fm is that with all vertices half on their way (Simpson's rule).
+
+What is left of a vertex's kinetic energy was done by something else:
+
+    w = m (v1 - v0) . u - f . (x1 - x0) - h (d + a) . u
+
+Where a bone holds the vertex that is the work of its *attachment*, m (v1 - v0) / h - f - d - a being the force that
+holds it.
+
+*Contact* by impulses, as a step notes it itself, takes a vertex from v' and x' to v1 and x1: it stops the vertex, rubs
+on it, and moves it out of a shape by p = x1 - x' - h (v1 - v') besides. Its work is m (v1 - v') . u - f . p, none on a
+vertex at rest, whatever presses it. Where an implicit step finds contact forces along with all others the whole of w
+is contact's.
+
+All that is left of the w of free vertices is *numerical*: what the method itself adds or loses. It vanishes with the
+step. With linear forces it is h/2 (f0 . v0 - f1 . v1) for symplectic Euler, where m (v1 - v0) = h f0 and
+x1 - x0 = h v1; summed over a run that stays bounded: energy is carried to and fro, not lost (Hairer, Lubich and Wanner
+2006, "Geometric numerical integration", section IX.3). For backward Euler, where m (v1 - v0) = h f1, it is
+h/2 (f1 . v0 - f0 . v1), on a spring of stiffness k the same as -m/2 (v1 - v0)^2 - k/2 (x1 - x0)^2. At vertices that are
+held, or pressed in an implicit step, the method's own part can't be told from the force that acts there and is counted
+to it; that, too, vanishes with the step.
+
+In XPBD springs are stretched by more than the impulses account for that its sweeps have found, so that f is too large
+on what is held. But impulses between vertices add up to nothing: what springs gave to all that is held is minus what
+they gave to the free, P = h sum (m g + a) - sum m (v' - v0). The difference to h sum (f - m g + d) over what is held is
+taken to be spread evenly there, and its work is numerical. That is exact where all that is held moves alike.
+
+Summed over all vertices, and with minus the damping's work as what is dissipated,
+
+    change of kinetic + elastic + potential = attachments + contacts + air - damping + numerical + moved + residual
+
+The work of f is taken from the solvers' own forces, elastic and potential energy from their definition
+(`measure.energy`). So the *residual* closes the books: it is what Simpson's rule misses of an energy's difference along
+the line from x0 to x1, of fifth order in x1 - x0 and none for gravity and linear springs, and it would be large if
+forces were not the gradients of the energies. *moved* is what jumps of the bones and `Simulation.disturb` do between
+frames, to which none of this applies.
+"""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.assemble import Assembly, air_model, force_model, force_scratch
+from cape.kernels.cloth.forces import compute_forces
+from cape.kernels.records import ForceModel, State
+from cape.kernels.solve.journal import Journal
+from cape.measure.energy import Energy, energy_of
+from motions.errors import ValueRangeError
+
+FloatArray = NDArray[np.float64]
+
+ATTACHMENTS, CONTACTS, AIR, DAMPING, NUMERICAL, MOVED = range(6)
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """Energies at F times, and what was done from the first of them on, each of shape (F,) and in joules.
+
+    Attributes:
+        times: since the start [s].
+        kinetic: energy of motion.
+        elastic: energy of stretched and bent springs.
+        potential: energy of height, 0 at the origin of the world.
+        attachments: work done on the cloth by the bones that hold it.
+        contacts: work done on it by colliders, and by its own layers on each other.
+        air: work done on it by the air: drag, lift and viscosity, of either sign.
+        damping: what the springs' damping has dissipated.
+        numerical: what the method of integration has added; below zero what it has dissipated.
+        moved: what was changed between frames: by jumps of the bones, or `Simulation.disturb`.
+    """
+
+    times: FloatArray
+    kinetic: FloatArray
+    elastic: FloatArray
+    potential: FloatArray
+    attachments: FloatArray
+    contacts: FloatArray
+    air: FloatArray
+    damping: FloatArray
+    numerical: FloatArray
+    moved: FloatArray
+
+    @property
+    def total(self) -> FloatArray:
+        """Kinetic, elastic and potential energy [J], shape (F,)."""
+        return self.kinetic + self.elastic + self.potential
+
+    @property
+    def residual(self) -> FloatArray:
+        """The change of the total that no term accounts for [J], shape (F,)."""
+        done = self.attachments + self.contacts + self.air - self.damping + self.numerical + self.moved
+        return self.total - self.total[0] - done
+
+    @property
+    def exchanged(self) -> float:
+        """The largest change of an energy, or amount of work or dissipation, at any time [J]."""
+        changes = (abs(getattr(self, f.name) - getattr(self, f.name)[0]).max() for f in fields(self)[1:])
+        return float(max(changes))
+
+    @property
+    def gap(self) -> float:
+        """By how much the balance fails to close: the largest residual as a share of what was exchanged."""
+        largest = float(abs(self.residual).max())
+        return largest / self.exchanged if largest > 0.0 else 0.0
+
+
+class Ledger:
+    """Keeps the energy accounts of a simulation that is given it; see the module for what is counted where.
+
+    A run with a ledger has the same bits as one without, and takes a few times as long.
+    """
+
+    def __init__(self) -> None:
+        """Nothing is in it before the simulation starts."""
+        self._times: list[float] = []
+        self._energies: list[Energy] = []
+        self._sums: list[FloatArray] = []
+        self._forces: _Forces | None = None
+        self._sweeps = False
+
+    @property
+    def balance(self) -> Balance:
+        """All that was entered since the simulation's start.
+
+        Raises:
+            ValueRangeError: the simulation has not been started.
+        """
+        if not self._times:
+            raise ValueRangeError("the ledger is empty: give it to a simulation, and start that")
+        energies, sums = np.array(self._energies).T, np.stack(self._sums).T
+        return Balance(np.array(self._times), *energies, *sums)
+
+    def begin(self, assembly: Assembly, state: State, origin: FloatArray, *, sweeps: bool) -> None:
+        """Forget all, and begin with a cloth as it is.
+
+        Args:
+            assembly: of the cloth.
+            state: where its vertices are.
+            origin: that positions refer to, in the world [m], shape (3,).
+            sweeps: whether its springs act by impulses of sweeps over them (`Solver.sweeps`).
+        """
+        self._times, self._sums, self._sweeps = [0.0], [np.zeros(6)], sweeps
+        self._energies = [energy_of(assembly, state, origin)]
+
+    def enter(self, assembly: Assembly, before: State, origin: FloatArray, journal: Journal, duration: float) -> None:
+        """Enter a frame of `duration` [s].
+
+        Args:
+            assembly: of the cloth.
+            before: where its vertices were.
+            origin: that positions refer to, in the world [m], shape (3,).
+            journal: what the frame's substeps did.
+            duration: of the frame [s].
+        """
+        sums = self._sums[-1].copy()
+        sums[MOVED] += energy_of(assembly, before, origin).total - self._energies[-1].total
+        sums += self._work_of(assembly, np.stack(before).astype(float), journal, duration / len(journal.ended))
+        self._times.append(self._times[-1] + duration)
+        self._sums.append(sums)
+        self._energies.append(energy_of(assembly, State(*journal.ended[-1]), origin))
+
+    def _work_of(self, assembly: Assembly, begin: FloatArray, journal: Journal, h: float) -> FloatArray:
+        """What the terms gain in a frame that starts at the state `begin` (6, N) with steps of `h` [s], shape (6,)."""
+        if self._forces is None or self._forces.assembly.springs is not assembly.springs:
+            self._forces = _Forces(assembly)
+        sums, mass, held = np.zeros(6), assembly.mass, ~assembly.free
+        forces = self._forces.at(begin)
+        for integrated, ended, pressed in zip(*(part.astype(float) for part in journal), strict=True):
+            forces_at_end = self._forces.at(ended)
+            _, damping, air = 0.5 * (forces + forces_at_end)
+            between = self._forces.conservative(0.5 * (begin + ended))
+            conservative = (forces[0] + 4.0 * between + forces_at_end[0]) / 6.0
+            moved, gained, mean = ended[:3] - begin[:3], ended[3:] - begin[3:], 0.5 * (begin[3:] + ended[3:])
+            damped, blown = h * _dots(damping, mean), h * _dots(air, mean)
+            left = mass * _dots(gained, mean) - _dots(conservative, moved) - damped - blown
+            kicked = ended[3:] - integrated[3:]
+            pushed = ended[:3] - integrated[:3] - h * kicked
+            touched = mass * _dots(kicked, mean) - _dots(conservative, pushed)
+            touched = np.where(held, 0.0, np.where(pressed, left, touched))
+            attachments = left[held].sum()
+            if self._sweeps and held.any():
+                weight = self._forces.weight
+                given = integrated[3:] - begin[3:]
+                impulse = (h * (weight + air) - mass * given)[:, ~held].sum(axis=1)
+                stretched = h * (conservative - weight + damping)[:, held].sum(axis=1)
+                attachments -= (impulse - stretched) @ moved[:, held].mean(axis=1) / h
+            sums[ATTACHMENTS] += attachments
+            sums[CONTACTS] += touched.sum()
+            sums[NUMERICAL] += left.sum() - attachments - touched.sum()
+            sums[AIR] += blown.sum()
+            sums[DAMPING] -= damped.sum()
+            begin, forces = ended, forces_at_end
+        return sums
+
+
+def _dots(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Scalar products of the columns of (3, N) arrays, shape (N,)."""
+    return np.einsum("ci,ci->i", a, b)
+
+
+class _Forces:
+    """The forces on an assembled cloth, by kind."""
+
+    def __init__(self, assembly: Assembly) -> None:
+        self.assembly = assembly
+        model = force_model(assembly, np.float64)
+        self._springs = model._replace(grid_air=None, mesh_air=None, skin=None)
+        self._air = None if assembly.scene.wind is None else air_model(assembly, np.float64)
+        self._room = force_scratch(assembly, np.float64)[0]
+        self.weight = np.outer(assembly.scene.gravity, assembly.mass)
+
+    def at(self, state: FloatArray) -> FloatArray:
+        """Springs and weight, damping, and air [N] at a state (6, N); shape (3, 3, N)."""
+        forces = np.zeros((3, 3, state.shape[1]))
+        forces[0] = self.conservative(state)
+        if self._springs.damping is not None or self._springs.bend_damping is not None:
+            self._compute(self._springs, state, forces[1])
+            forces[1] -= forces[0] - self.weight
+        if self._air is not None:
+            self._compute(self._air, state, forces[2])
+        return forces
+
+    def conservative(self, state: FloatArray) -> FloatArray:
+        """Springs and weight [N] at a state (6, N), whatever its velocities; shape (3, N)."""
+        still, forces = np.concatenate([state[:3], np.zeros_like(state[3:])]), np.zeros((3, state.shape[1]))
+        self._compute(self._springs, still, forces)
+        return forces + self.weight
+
+    def _compute(self, model: ForceModel, state: FloatArray, out: FloatArray) -> None:
+        compute_forces(0, state.shape[1], State(*state), model, *out, self._room, None)

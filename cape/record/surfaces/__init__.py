@@ -1,0 +1,1 @@
+"""How surfaces look: normals, textures, solids of revolution."""

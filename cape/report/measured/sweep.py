@@ -1,0 +1,205 @@
+"""Error against run time of a scene: every solver at several steps, next to one reference."""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cape.bench.figures import Figures
+from cape.report.measured.accuracy import LAST, Error, Reference, converge, error_of, window_error
+from cape.report.measured.trajectory import EXACT, WINDOW, Setting, Stage, Trajectory
+from cape.report.plan import Plan
+from cape.run.auto import Auto
+
+REFINED = (1.5, 2.0, 4.0, 8.0)  # times as many steps as an explicit solver needs
+STEPS = {
+    "xpbd": (5, 10, 20, 40, 80, 160, 320),
+    "backward_euler": (1, 2, 4, 8, 16, 32, 64),
+    "tr_bdf2": (1, 2, 4, 8, 16, 32, 64),
+}
+SLOWER = {"backward_euler": 0.5, "tr_bdf2": 0.5}  # power of the steps that cost grows by: short ones are solved sooner
+AIM_MM = 0.01  # smallest error to be told from none in a smooth scene
+REFERENCE_SHARE = 0.35  # of the time for a scene
+SHOWN_MM = 10.0  # error that the run which is shown of a solver may have
+
+Told = Callable[[int], Callable[[], None]]
+
+
+@dataclass(frozen=True)
+class Row(Figures):
+    """One point of a work-precision diagram; numbers that a run did not come to are not a number.
+
+    Attributes:
+        scene: its name.
+        solver: its name.
+        setting: what was asked of it.
+        substeps: steps in a frame.
+        seconds_per_second: wall time per second of motion; 1 is real time.
+        rms_mm: as in `Error`.
+        max_mm: the same.
+        shape_mm: the same.
+        window_mm: error after a tenth of a second from the reference's state (`window_error`), where a scene is not
+            smooth, and the solver isn't so slow that this alone takes longer than all runs of the scene may.
+        stretch_max: largest strain of a thread.
+        penetration_max_mm: deepest penetration of a vertex [mm].
+        lowest_m: height of the lowest vertex, in the mean over the last `LAST` seconds [m].
+        kinetic_energy_j: the same mean of the kinetic energy [J].
+        retaken: frames that were taken again in shorter steps, or did not converge.
+        frames: that it got through.
+        result: "finished", or why it broke off or was left out.
+    """
+
+    scene: str
+    solver: str
+    setting: str
+    substeps: int
+    seconds_per_second: float
+    rms_mm: float = math.nan
+    max_mm: float = math.nan
+    shape_mm: float = math.nan
+    window_mm: float = math.nan
+    stretch_max: float = math.nan
+    penetration_max_mm: float = math.nan
+    lowest_m: float = math.nan
+    kinetic_energy_j: float = math.nan
+    retaken: int = 0
+    frames: int = 0
+    result: str = "finished"
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run came to the motion's end."""
+        return self.result == "finished"
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """All runs of a scene.
+
+    Attributes:
+        stage: the scene.
+        reference: that errors refer to.
+        uncertainty: a row of the reference itself; its errors are how far it may be off.
+        rows: a row for each setting.
+        shown: of each solver the fastest run with an error of `SHOWN_MM`, or else the one with the smallest.
+    """
+
+    stage: Stage
+    reference: Reference
+    uncertainty: Row
+    rows: list[Row]
+    shown: dict[str, Trajectory]
+
+
+def settings_for(stage: Stage, solver: str, *, every: int = 1) -> list[Setting]:
+    """The settings at which a solver is measured, its own choice first: then every second, third... number of steps."""
+    if solver in STEPS:
+        steps = STEPS[solver]
+    else:
+        needed = stage.needed_substeps(solver)
+        steps = tuple(math.ceil(times * needed) for times in REFINED)
+    return [Setting(solver), *(Setting(solver, count) for count in steps[::every])]
+
+
+def sweep(stage: Stage, plan: Plan, told: Told = lambda steps: lambda: None) -> Sweep:
+    """Run a scene at all settings, and at a step so short that the result stands for the exact solution.
+
+    A setting that would take more than its solver's share of the time is left out, and its row says so.
+
+    Args:
+        stage: the scene.
+        plan: which solvers and settings, how often, and how long that may take.
+        told: called with the number of steps; gives what is called after each.
+    """
+    settings = {solver: settings_for(stage, solver, every=plan.every) for solver in plan.solvers}
+    if stage.standard.smooth:
+        asked = [Setting(Auto.name, options=(("tolerance", 1e-3 * mm),)) for mm in plan.tolerances_mm]
+        settings[Auto.name] = asked
+    advance = told(1 + sum(map(len, settings.values())))
+    begun = time.perf_counter()
+    reference = converge(
+        stage,
+        EXACT.solver,
+        substeps=stage.first_refinement * stage.needed_substeps("euler"),
+        aim_mm=AIM_MM,
+        options=EXACT.options,
+        enough=lambda: time.perf_counter() - begun > REFERENCE_SHARE * plan.scene_s,
+    )
+    advance()
+    name, rows, shown = stage.standard.name, [], {}
+    most = (1.0 - REFERENCE_SHARE) * plan.scene_s
+    left = max(plan.scene_s - (time.perf_counter() - begun), most)
+    for k, solver in enumerate(settings):
+        share = left / (len(settings) - k)
+        for row, run in _runs(stage, settings[solver], plan.repeats, share, most, reference.trajectory):
+            rows.append(row)
+            if run is not None:
+                left -= run.spent
+            if run is not None and solver != Auto.name:
+                best = shown.get(solver)
+                if best is None or _is_better(row, error_of(best, reference.trajectory), best):
+                    shown[solver] = run
+            advance()
+    uncertainty = row_of(name, reference.trajectory, reference.uncertainty, reference.window_mm)
+    return Sweep(stage, reference, uncertainty, rows, shown)
+
+
+def _runs(stage: Stage, settings: list[Setting], repeats: int, share: float, windows_in: float, reference: Trajectory):
+    """Yield a row for each setting, and its run, None where that would have taken too long.
+
+    All runs may take `share`, and the windows of each `windows_in` [s].
+    """
+    spent, last = 0.0, None
+    windows_s = 0.0 if stage.standard.smooth else WINDOW * len(stage.window_starts)
+    for setting in settings:
+        steps, expected = setting.substeps or 0, 0.0
+        if last is not None:
+            expected = last.seconds * stage.seconds * (steps / last.substeps) ** SLOWER.get(setting.solver, 1.0)
+        if last is not None and spent + expected > share:
+            why, name = f"left out: it takes about {_seconds(expected)}", stage.standard.name
+            yield Row(name, setting.solver, str(setting), steps, math.nan, result=why), None
+            continue
+        most = share / len(settings)
+        last = stage.run(setting, repeats=repeats, enough=lambda taken, most=most: taken > most)
+        known = not stage.standard.smooth and last.seconds * windows_s <= windows_in
+        window_mm = window_error(stage, setting, reference) if known else math.nan
+        spent += last.spent
+        yield row_of(stage.standard.name, last, error_of(last, reference), window_mm), last
+
+
+def _seconds(duration: float) -> str:
+    return f"{duration:.0f} s" if duration >= 10.0 else f"{duration:.2g} s"
+
+
+def _is_better(row: Row, error: Error, best: Trajectory) -> bool:
+    """Tell whether a run is to be shown instead of the best one so far, with its error."""
+    if not row.finished or math.isnan(row.rms_mm):
+        return False
+    if error.rms_mm <= SHOWN_MM:
+        return row.rms_mm <= SHOWN_MM and row.seconds_per_second < best.seconds
+    return not row.rms_mm >= error.rms_mm
+
+
+def row_of(scene: str, run: Trajectory, error: Error, window_mm: float) -> Row:
+    """A run in figures."""
+    last = run.times > run.times[-1] - LAST
+    return Row(
+        scene=scene,
+        solver=run.setting.solver,
+        setting=str(run.setting),
+        substeps=run.substeps,
+        seconds_per_second=run.seconds,
+        rms_mm=error.rms_mm,
+        max_mm=error.max_mm,
+        shape_mm=error.shape_mm,
+        window_mm=window_mm,
+        stretch_max=float(run.stretch.max()),
+        penetration_max_mm=1e3 * float(run.penetration.max()),
+        lowest_m=float(run.positions[last, :, 2].min(axis=1).mean()),
+        kinetic_energy_j=float(np.mean(run.kinetic_energy[last])),
+        retaken=run.retaken,
+        frames=len(run.times),
+        result=run.result,
+    )

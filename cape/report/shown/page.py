@@ -1,0 +1,300 @@
+"""The report as a page that is read in a minute: Markdown, and the same as HTML."""
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from cape.bench.plot import NAMES
+from cape.report.cases import CASES, JITTER
+from cape.report.measured import resolution
+from cape.report.measured.accuracy import LAST
+from cape.report.measured.energy import Account
+from cape.report.measured.resolution import Row as SpaceRow
+from cape.report.measured.stability import DEGRADES, FAILS, GROWTH, PASSES, PATIENCE, PENETRATION, Outcome
+from cape.report.measured.sweep import Row
+from cape.report.measured.trajectory import WINDOW
+from cape.report.plan import ACCURACIES_MM
+from cape.report.run import Report, Scene
+from cape.run.auto import Auto
+from motions.files import write_text
+
+ENERGY_TERMS = ("kinetic", "elastic", "potential", "attachments", "contacts", "air", "damping", "numerical")
+SIGNS = {PASSES: "\N{LARGE GREEN CIRCLE}", DEGRADES: "\N{LARGE YELLOW CIRCLE}", FAILS: "\N{LARGE RED CIRCLE}"}
+STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 1100px; margin: 2em auto; padding: 0 1em; color: #222 }
+table { border-collapse: collapse; margin: 1em 0 }
+th, td { padding: 3px 10px; border-bottom: 1px solid #ddd; text-align: left }
+td { font-variant-numeric: tabular-nums }
+img { max-width: 100% }
+"""
+
+
+def markdown(report: Report, *, pictures: bool, recordings: bool, command: str) -> str:
+    """The page.
+
+    Args:
+        report: what to show.
+        pictures: whether there is NAME.png for each scene, NAME_energy.png where its energy is accounted for, and
+            space.png.
+        recordings: whether there is NAME.rrd for each scene.
+        command: that made it.
+    """
+    machine, versions = report.machine, ", ".join(f"{name} {v}" for name, v in report.versions.items())
+    lines = [
+        "# What a time step costs, and what it is worth",
+        "",
+        f"`{command}` on {machine['processor'] or machine['architecture']}, one thread; {versions}.",
+        "",
+        "## Which solver for which accuracy",
+        "",
+        "The fastest setting whose error is at most so large, and how many times faster than real time it is. "
+        "Where contact or buckling make single trajectories diverge, the error is what a run gathers "
+        f"within {WINDOW:g} s from states of the reference.",
+        "",
+        *_table(
+            ["scene", "error of", *(f"{mm:g} mm" for mm in ACCURACIES_MM)],
+            [[scene.name, _measure(scene), *_choices(scene)] for scene in report.scenes],
+        ),
+    ]
+    lines += ["", *_stability(report)]
+    lines += ["", *_space(report, pictures=pictures)]
+    lines += ["", *_energy(report, pictures=pictures)]
+    for scene in report.scenes:
+        lines += ["", *_section(scene, pictures=pictures, recordings=recordings)]
+    lines += ["", *_notes()]
+    return "\n".join(lines) + "\n"
+
+
+def html(text: str) -> str:
+    """The page as HTML."""
+    from markdown_it import MarkdownIt
+
+    body = MarkdownIt("commonmark").enable("table").render(text)
+    title = "What a time step costs"
+    return f"<!doctype html>\n<meta charset='utf-8'>\n<title>{title}</title>\n<style>{STYLE}</style>\n{body}"
+
+
+def choice(scene: Scene, accuracy_mm: float) -> Row | None:
+    """The fastest run of a scene that is as accurate [mm], of those whose solver was given.
+
+    None where there is none or the reference is not surer.
+    """
+    if not _error(scene, scene.uncertainty) <= accuracy_mm:
+        return None
+    good = [row for row in _given(scene) if row.finished and _error(scene, row) <= accuracy_mm]
+    return min(good, key=lambda row: row.seconds_per_second, default=None)
+
+
+def _given(scene: Scene) -> list[Row]:
+    return [row for row in scene.rows if row.solver != Auto.name]
+
+
+def _asked(scene: Scene) -> list[str]:
+    """What became of the tolerances that were asked for, next to the fastest setting that keeps to them."""
+    rows = []
+    for row in scene.rows:
+        if row.solver == Auto.name and row.finished:
+            best = choice(scene, float(row.setting.removesuffix(" mm")))
+            fixed = "" if best is None else f"{NAMES[best.solver]}, {best.setting}: {_speed(best)}"
+            rows.append([row.setting, f"{_number(row.rms_mm)} mm", _speed(row), fixed])
+    if not rows:
+        return []
+    return ["", *_table(["asked for", "error", "speed", "fastest setting as accurate"], rows)]
+
+
+def _choices(scene: Scene) -> list[str]:
+    result = []
+    for accuracy in ACCURACIES_MM:
+        row = choice(scene, accuracy)
+        if row is None:
+            unsure = not _error(scene, scene.uncertainty) <= accuracy
+            result.append("not known: the reference is not as sure" if unsure else "none of these")
+        else:
+            result.append(f"{NAMES[row.solver]}, {row.setting}: {_speed(row)}")
+    return result
+
+
+def _space(report: Report, *, pictures: bool) -> list[str]:
+    """What the spacing of the vertices is worth."""
+    if not report.space:
+        return []
+    columns: list[tuple[str, Callable[[SpaceRow], str]]] = [
+        ("solver", lambda row: NAMES[row.solver]),
+        ("spacing cm", lambda row: f"{100.0 * row.spacing_m:g}"),
+        ("vertices", lambda row: f"{row.vertices:,}"),
+        ("substeps", lambda row: str(row.substeps)),
+        ("hem height m", lambda row: _fixed(row.hem_height_m, 4)),
+        ("hem width m", lambda row: _fixed(row.hem_width_m, 4)),
+        ("shape error mm", lambda row: _number(row.shape_mm)),
+        ("order", lambda row: _fixed(row.shape_order, 1)),
+        ("period s", lambda row: _fixed(row.period_s, 4)),
+        ("error", lambda row: "" if math.isnan(row.period_error) else f"{row.period_error:+.3%}"),
+        ("order", lambda row: _fixed(row.period_order, 1)),
+        ("s per s", lambda row: _number(row.seconds_per_second) if row.result == "finished" else row.result),
+    ]
+    return [
+        "## What resolution buys",
+        "",
+        "One sheet at several spacings, every solver at its default settings. At rest: the top edge is held in two "
+        "waves, and the hem opens; the shape error is the distance from the finest sheet by "
+        f"{NAMES[resolution.REFERENCE]}, as a root mean square over the same points of the pattern. Swinging: the flat "
+        "sheet's slowest swing, against the period of a chain that does not stretch, 4 pi / 2.4048 sqrt(L / g). The "
+        "order p tells that halving the spacing divides what is left of the error by 2^p; a negative one, that the "
+        "figure does not converge. At order 2 the finest sheet is itself still off by a third of what the last halving "
+        "has changed; the period's error does not end at zero, since threads that stretch slow the swing. Symplectic "
+        "Euler shortens its steps with the spacing; XPBD by default does not, and each of its steps solves a finer "
+        "mesh less well: fine meshes need more substeps of it. Last, wall time per "
+        "second of motion.",
+        "",
+        *(["![One sheet at several spacings](space.png)", ""] if pictures else []),
+        *_table([name for name, _ in columns], [[of(row) for _, of in columns] for row in report.space]),
+    ]
+
+
+def _fixed(value: float, digits: int) -> str:
+    return "" if math.isnan(value) else f"{value:.{digits}f}"
+
+
+def _stability(report: Report) -> list[str]:
+    """Each stress case and what became of it with each solver."""
+    found = {(outcome.case, outcome.solver): outcome for outcome in report.stability}
+    if not found:
+        return []
+    repeats = max(outcome.repeats for outcome in report.stability)
+    rows = [
+        [f"**{case}**: {CASES[case].about}", *(_cell(found[case, solver]) for solver in report.plan.solvers)]
+        for case in report.plan.cases
+    ]
+    return [
+        "## Stress cases",
+        "",
+        f"Every solver at its default settings, {repeats} runs of each from starts jittered by {1e6 * JITTER:g} "
+        "micrometre; the worst is shown: largest strain, deepest penetration, growth of energy after the bones have "
+        "come to rest as a share of weight times size, and the wall time of one run. "
+        f"{SIGNS[PASSES]} passes, {SIGNS[DEGRADES]} degrades: more strain than the case allows for, deeper than "
+        f"{1e3 * PENETRATION:g} mm, energy grown by more than {GROWTH:.0%}, or over {PATIENCE:g} s; {SIGNS[FAILS]} "
+        "fails: breaks off with a word on what to change, and what was computed till then stays.",
+        "",
+        *_table(["case", *(NAMES[solver] for solver in report.plan.solvers)], rows),
+    ]
+
+
+def _cell(outcome: Outcome) -> str:
+    growth = "" if math.isnan(outcome.energy_growth) else f", +{outcome.energy_growth:.1%}"
+    numbers = f"{outcome.stretch_max:.1%}, {_number(outcome.penetration_max_mm)} mm{growth}, {outcome.seconds:.2f} s"
+    return f"{SIGNS[outcome.result]} {numbers}" + (f" ({outcome.why})" if outcome.why else "")
+
+
+def _energy(report: Report, *, pictures: bool) -> list[str]:
+    """Where the energy of some scenes comes from and goes with each solver."""
+    if not report.energy:
+        return []
+    lines = [
+        "## Energy",
+        "",
+        "By the end of the run, in mJ: by how much kinetic, elastic and potential energy have changed; what bones that "
+        "hold the cloth, colliders and the air have done on it; what the damping of the springs has dissipated; and "
+        "what the method itself has added or, below zero, lost. The gap is what is missing between the former and the "
+        "latter at most at any time, as a share of the largest of all these amounts.",
+    ]
+    for name in report.plan.balances:
+        rows = [_account(account) for account in report.energy if account.scene == name]
+        lines += ["", f"**{name}**", ""]
+        if pictures:
+            lines += [f"![{name}: energy over time]({name}_energy.png)", ""]
+        lines += _table(["solver", "setting", *ENERGY_TERMS, "gap"], rows)
+    return lines
+
+
+def _account(account: Account) -> list[str]:
+    terms = [_number(1e3 * account.curves[term][-1]) for term in ENERGY_TERMS]
+    why = "" if account.result == "finished" else f" ({account.result})"
+    return [NAMES[account.solver], account.setting + why, *terms, f"{account.gap:.0e}"]
+
+
+def _section(scene: Scene, *, pictures: bool, recordings: bool) -> list[str]:
+    sure = scene.uncertainty
+    lines = [f"## {scene.name}", ""]
+    if pictures:
+        lines += [f"![{scene.name}: run time against error]({scene.name}.png)", ""]
+    lines += [
+        f"{scene.vertices:,} vertices, {scene.seconds:g} s. The reference, {NAMES[sure.solver]} in double precision "
+        f"at {sure.substeps} substeps, changes by {_number(sure.rms_mm)} mm (at most {_number(sure.max_mm)} mm, mean "
+        f"shape {_number(sure.shape_mm)} mm{_and_window(sure)}) when its step is halved."
+        + (f" Side by side: `rerun {scene.name}.rrd`." if recordings else ""),
+        "",
+    ]
+    columns: list[tuple[str, Callable[[Row], str]]] = [
+        ("solver", lambda row: NAMES[row.solver]),
+        ("setting", lambda row: row.setting),
+        ("speed", lambda row: _speed(row) if row.finished else row.result),
+        ("RMS mm", lambda row: _number(row.rms_mm)),
+        ("max mm", lambda row: _number(row.max_mm)),
+        (f"RMS mm after {WINDOW:g} s", lambda row: _number(row.window_mm)),
+        ("mean shape mm", lambda row: _number(row.shape_mm)),
+        ("stretch", lambda row: "" if math.isnan(row.stretch_max) else f"{row.stretch_max:.1%}"),
+        ("lowest m", lambda row: _number(row.lowest_m)),
+        ("kinetic energy J", lambda row: _number(row.kinetic_energy_j)),
+        ("penetration mm", lambda row: _number(row.penetration_max_mm)),
+        ("frames retaken", lambda row: str(row.retaken)),
+    ]
+    if scene.smooth:
+        apart = (f"RMS mm after {WINDOW:g} s", "mean shape mm", "lowest m", "penetration mm")
+        columns = [column for column in columns if column[0] not in apart]
+    shown = [[of(row) for _, of in columns] for row in [*_given(scene), sure]]
+    return [*lines, *_table([name for name, _ in columns], shown), *_asked(scene)]
+
+
+def _and_window(sure: Row) -> str:
+    return "" if math.isnan(sure.window_mm) else f", {_number(sure.window_mm)} mm within {WINDOW:g} s"
+
+
+def _notes() -> list[str]:
+    return [
+        "## How to read it",
+        "",
+        "Errors are distances between the vertices of a run and those of the reference, over all vertices and "
+        "frames. All runs of a scene set out from the same state of a cape that has settled, and use the same mesh: "
+        "what the mesh itself gets wrong is another matter. Speed counts the steps alone, each frame's the least of "
+        "all repeats; compiling, settling and measuring are apart.",
+        "",
+        "With contact, or where cloth buckles, which of two sides a fold falls to is decided by arbitrarily small "
+        "differences: trajectories of any two steps diverge, however short they are. What stays comparable is the "
+        f"error that a run gathers within {WINDOW:g} s from the reference's own state, the mean shape, stretch, the "
+        f"lowest point and the kinetic energy, the last two as means over the last {LAST:g} s. The explicit solvers "
+        "stop the cloth at a collider, the implicit ones push it out by a stiff force, so that their limits differ. "
+        f"Where solvers are so slow that this would take too long, there is no error after {WINDOW:g} s.",
+    ]
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    return lines + ["| " + " | ".join(cells) + " |" for cells in rows]
+
+
+def _measure(scene: Scene) -> str:
+    return "trajectories" if scene.smooth else f"{WINDOW:g} s"
+
+
+def _error(scene: Scene, row: Row) -> float:
+    return row.rms_mm if scene.smooth else row.window_mm
+
+
+def _speed(row: Row) -> str:
+    return f"{_number(1.0 / row.seconds_per_second)} x"
+
+
+def _number(value: float) -> str:
+    """Three digits, without an exponent."""
+    if math.isnan(value):
+        return ""
+    digits = max(0, 2 - math.floor(math.log10(abs(value)))) if value else 0
+    return f"{value:.{min(digits, 6)}f}"
+
+
+def write(report: Report, folder: Path, *, pictures: bool, recordings: bool, command: str) -> str:
+    """Write REPORT.md and REPORT.html into a folder, and give the text of the first."""
+    text = markdown(report, pictures=pictures, recordings=recordings, command=command)
+    write_text(folder / "REPORT.md", text)
+    write_text(folder / "REPORT.html", html(text))
+    return text

@@ -1,0 +1,1 @@
+"""What a simulation leaves behind, and what to look at in it."""

@@ -1,0 +1,125 @@
+"""What a simulation leaves behind."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from os import PathLike
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.measure.contact_points import ContactPoints
+from cape.scene.colliders import Collider
+from cape.scene.scene import Scene
+from skeleton.robot.link_surfaces import LinkSurface
+from skeleton.shapes import Capsule
+from skeleton.track import BoneTrack
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StepError:
+    """The error that a run has gathered over one part of its motion.
+
+    Attributes:
+        time: since the start, at the part's end [s].
+        rms: root mean square over the vertices [m]; infinite where the second run broke off.
+        solver: name of the run's solver.
+        substeps: in its last frame.
+    """
+
+    time: float
+    rms: float
+    solver: str
+    substeps: int
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """A simulated cloth on its bones over F frames, and how the run went.
+
+    Attributes:
+        name: what it is called, by default the clip's name.
+        bones: the bones' poses at the F frames; every bone that the colliders name is among them.
+        colliders: what the cloth couldn't enter.
+        triangles: vertex indices of the T triangles, shape (T, 3).
+        texcoords: texture coordinates of the V vertices, 0 to 1 over the cloth, shape (V, 2).
+        positions: of the V vertices in the world [m], single precision, shape (F, V, 3).
+        stretch_max: largest strain of a structural edge in each frame (0.01 is 1 %), shape (F,).
+        stretch_p99: its 99th percentile over all edges and frames.
+        penetration: deepest penetration of a vertex into a collider in each frame [m], 0 where none is, shape (F,).
+        penetrated: index of the collider of that penetration, -1 for none, shape (F,).
+        kinetic_energy: of the cloth at each frame [J], shape (F,).
+        solver: name of the solver.
+        substeps: steps in each frame.
+        compile_s: time spent on compiling before the first step [s].
+        settle_s: time spent on putting the cloth on and letting it settle before the first frame [s].
+        solve_s: time spent on the steps of the F frames [s].
+        thickness: of the colliders that have none of their own [m].
+        held: indices of the vertices that bones hold.
+        left_out: why colliders were left out of the run, by name.
+        contacts: of the vertices that no bone holds with all colliders, at the end of each frame; None if not noted.
+        jumps: frames at which the bones had jumped and the cloth was carried along or put on anew.
+        step_errors: what the time step has cost in accuracy, where that was measured, part by part of the motion.
+        result: "finished", "finished with warnings", "diverged at frame N", or "stopped at frame N" by the user.
+        warnings: what to look at, a sentence each.
+    """
+
+    name: str
+    bones: BoneTrack
+    colliders: Sequence[Collider]
+    triangles: NDArray[np.int32]
+    texcoords: NDArray[np.float32]
+    positions: NDArray[np.float32]
+    stretch_max: FloatArray
+    stretch_p99: float
+    penetration: FloatArray
+    penetrated: NDArray[np.int64]
+    kinetic_energy: FloatArray
+    solver: str
+    substeps: int
+    compile_s: float
+    settle_s: float
+    solve_s: float
+    thickness: float = Scene.thickness
+    held: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    contacts: ContactPoints | None = None
+    jumps: tuple[int, ...] = ()
+    step_errors: tuple[StepError, ...] = ()
+    result: str = "finished"
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def thicknesses(self) -> FloatArray:
+        """Distance at which each collider stops the cloth [m], shape (C,)."""
+        return np.array([self.thickness if c.thickness is None else c.thickness for c in self.colliders], dtype=float)
+
+    @property
+    def capsules(self) -> tuple[Capsule, ...]:
+        """Those of the colliders that are capsules."""
+        return tuple(c for c in self.colliders if isinstance(c, Capsule))
+
+    def save(
+        self,
+        path: str | PathLike[str],
+        *,
+        layers: Iterable[str] | None = None,
+        surfaces: Sequence[LinkSurface] = (),
+    ) -> None:
+        """Write a recording for the Rerun viewer; `cape.record` documents what is in it.
+
+        Args:
+            path: the recording, by custom with the suffix .rrd; one that is there is replaced when the new one is
+                complete.
+            layers: which of `cape.record.LAYERS` to write, such as "cape" or "hitboxes", None for all.
+            surfaces: meshes that the bones carry, such as a robot's `skeleton.link_surfaces(body, "visual")`.
+
+        Raises:
+            UnknownNameError: a layer doesn't exist.
+            ValueRangeError: no frame is finite.
+            FileError: the file can't be written.
+        """
+        from cape import record
+
+        record.save(self, path, layers=layers, surfaces=surfaces)

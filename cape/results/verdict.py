@@ -1,0 +1,106 @@
+"""What a user should look at after a run, a sentence each."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.results.take import Take
+
+FloatArray = NDArray[np.float64]
+
+NOTABLE_PENETRATION = 0.005  # m
+NOTABLE_STRETCH = 0.1
+STUCK_DEPTH = 0.001  # m; a vertex that rests on a collider without thickness is in it by less
+STUCK_FRAMES = 10  # in a row
+NAMED_VERTICES = 5
+
+
+def warnings_of(take: Take) -> list[str]:
+    """All that is worth a look in a take."""
+    return [
+        *penetration_warnings(take),
+        *stuck_warnings(take),
+        *reach_warnings(take),
+        *stretch_warnings(take.stretch_max),
+    ]
+
+
+def penetration_warnings(take: Take) -> list[str]:
+    """Name the colliders that vertices went notably deep into, when, how deep, and for how long."""
+    depths, which = take.penetration, take.penetrated
+    notable = depths > NOTABLE_PENETRATION
+    warnings = []
+    for index in np.unique(which[notable]):
+        frames = np.flatnonzero(notable & (which == index))
+        worst = int(frames[depths[frames].argmax()])
+        warnings.append(
+            f"the cloth enters {take.colliders[index].name} by up to {1000 * depths[worst]:.1f} mm at frame {worst}, "
+            f"{_for_frames(frames)}: limbs that pass through each other leave it no place"
+        )
+    return warnings
+
+
+def stuck_warnings(take: Take) -> list[str]:
+    """Name the vertices that stay inside a collider for more than `STUCK_FRAMES` frames in a row."""
+    contacts = take.contacts
+    if contacts is None:
+        return []
+    depths = contacts.depths - take.thicknesses[contacts.colliders]
+    inside = depths > STUCK_DEPTH
+    frames, colliders, vertices, depths = (
+        values[inside] for values in (contacts.frames, contacts.colliders, contacts.vertices, depths)
+    )
+    warnings = []
+    for index in np.unique(colliders):
+        chosen = np.flatnonzero(colliders == index)
+        chosen = chosen[np.lexsort((frames[chosen], vertices[chosen]))]
+        breaks = (np.diff(vertices[chosen]) != 0) | (np.diff(frames[chosen]) != 1)
+        stays = [stay for stay in np.split(chosen, np.flatnonzero(breaks) + 1) if len(stay) > STUCK_FRAMES]
+        if not stays:
+            continue
+        longest = max(stays, key=len)
+        worst = max(stays, key=lambda stay: depths[stay].max())
+        deepest = worst[depths[worst].argmax()]
+        named = sorted({int(vertices[stay[0]]) for stay in stays})
+        more = f" and {len(named) - NAMED_VERTICES} more" if len(named) > NAMED_VERTICES else ""
+        warnings.append(
+            f"stuck in {take.colliders[index].name}: vertices {', '.join(map(str, named[:NAMED_VERTICES]))}{more} stay "
+            f"inside for up to {len(longest)} frames from frame {frames[longest[0]]} on, and up to "
+            f"{1000 * depths[deepest]:.1f} mm deep (vertex {vertices[deepest]} at frame {frames[deepest]})"
+        )
+    return warnings
+
+
+def reach_warnings(take: Take) -> list[str]:
+    """Name the colliders that the cloth came to although they had been left out as beyond its reach."""
+    if take.contacts is None:
+        return []
+    warnings = []
+    for index, collider in enumerate(take.colliders):
+        met = np.flatnonzero(take.contacts.colliders == index)
+        if collider.name in take.left_out and len(met):
+            frame = int(take.contacts.frames[met[0]])
+            warnings.append(
+                f"the cloth stretches as far as {collider.name} at frame {frame}, which was left out as beyond its "
+                "reach: use a stiffer fabric, or simulate with cull=False"
+            )
+    return warnings
+
+
+def stretch_warnings(strains: FloatArray) -> list[str]:
+    """Tell of notable stretch; the largest strain of each frame, shape (F,)."""
+    worst, frames = int(strains.argmax()), int((strains > NOTABLE_STRETCH).sum())
+    if frames == 0:
+        return []
+    return [
+        f"the cloth stretches by up to {strains[worst]:.0%} at frame {worst}, for {frames} frames: "
+        "use a stiffer fabric, more substeps (xpbd), or look whether limbs hold it fast"
+    ]
+
+
+def _for_frames(frames: NDArray[np.int64]) -> str:
+    """How often and when."""
+    if len(frames) == 1:
+        return "for 1 frame"
+    runs = 1 + int((np.diff(frames) > 1).sum())
+    span = f"for {len(frames)} frames from {frames[0]} to {frames[-1]}"
+    return span if runs == 1 else f"{span}, {runs} times"

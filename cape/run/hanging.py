@@ -1,0 +1,303 @@
+"""A cloth that hangs on its bones: its arrays and where they are, how it settles, and how a frame can be taken back."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly import putting_on, self_contact
+from cape.assembly.assemble import assemble
+from cape.kernels.cloth.measure import is_strained, whereabouts
+from cape.kernels.records import Motion, State
+from cape.kernels.solve.journal import Journal
+from cape.scene.jumps import rigid_motion
+from cape.scene.poses import Pose
+from cape.scene.scene import Scene, require_held_once
+from cape.solvers import Solver
+
+FloatArray = NDArray[np.float64]
+
+SETTLING_FRAME = 1.0 / 60.0  # s
+PUT_ON_TIME = 0.8  # s in which what bones hold moves from where it starts to where it is worn
+SETTLING_TIME = 3.2  # s at most, from the start
+SETTLED_SPEED = 0.02  # m/s, root mean square over the vertices
+SETTLING_DAMPING = 0.9  # share of the velocity that is left after each frame of settling
+FASTEST = 1e4  # m/s; beyond it a step has exploded, long before numbers overflow
+FARTHEST_LEAP = 1e6  # m from the cloth's own origin; the same
+FARTHEST = 1.0  # m from the cloth's middle to the origin that its positions refer to
+WILD = 60.0  # m/s: faster than cloth gets on a body, and a sign that strained springs are too stiff for the step
+STRAINED = 0.2  # from which on springs resist across their direction, too, as much as matters for the step
+
+
+class Moment(NamedTuple):
+    """The state at some time, and what was known then: how the cloth touches itself, which vertices two colliders of a
+    kind pinch, where it is, if it is strained."""
+
+    state: tuple[NDArray[np.floating], ...]
+    layers: self_contact.Kept | None
+    pinched: tuple[NDArray[np.bool_], ...]
+    center: FloatArray
+    strained: bool
+
+
+class Place(NamedTuple):
+    """Where a cloth is, whatever solver and threads move it.
+
+    `state` is of the vertices as the scene numbers them, about `origin`, shape (V, 6); `hold` are the points, lift and
+    drift of what bones hold.
+    """
+
+    origin: FloatArray
+    pose: Pose
+    state: FloatArray
+    hold: tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]] | None
+
+
+class Hanging:
+    """A cloth put on, at rest at first.
+
+    Attributes:
+        assembly: the scene's arrays.
+        state: of the vertices as the assembly numbers them, about `origin`.
+        origin: that positions and poses refer to, in the world [m], shape (3,).
+        pose: where the bones are, about `origin`.
+        strained: whether springs are so long that steps must be shorter.
+        keeps_journal: whether it is noted what substeps do.
+        journal: of the last frame that was noted.
+    """
+
+    def __init__(self, scene: Scene, solver: Solver, pose: Pose, *, threads: int) -> None:
+        """Lay the cloth out on bones at a pose in the world.
+
+        Raises:
+            ValueRangeError: the cape can't be put on, or a vertex is held twice.
+        """
+        self._solver, self._threads = solver, threads
+        positions = putting_on.placed(scene, pose)
+        self.origin = np.round(positions.mean(axis=0))
+        self.pose = pose.moved(-self.origin)
+        positions = positions - self.origin
+        held = [putting_on.held_by(scene, a, self.pose, positions) for a in scene.attachments]
+        require_held_once(held)
+        self.assembly = assemble(scene, held, threads=threads)
+        self._room = solver.init(self.assembly)
+        self.state = State.at_rest(self.assembly.inwards(positions), solver.dtype(self.assembly))
+        self._worn, self._spread = putting_on.hold_points(self.assembly, self.pose, held, positions)
+        self._center, self.strained = np.zeros(3), False
+        self.keeps_journal = False
+        self.journal: Journal | None = None
+
+    @property
+    def positions(self) -> FloatArray:
+        """Positions of the vertices in the world [m], shape (V, 3)."""
+        return self.assembly.outwards(np.stack(self.state[:3], axis=1).astype(float)) + self.origin
+
+    @property
+    def velocities(self) -> FloatArray:
+        """Velocities of the vertices [m/s], shape (V, 3)."""
+        return self.assembly.outwards(np.stack(self.state[3:], axis=1).astype(float))
+
+    @property
+    def holding(self) -> NDArray[np.int64]:
+        """The bones that hold the cloth."""
+        attached = self.assembly.attached
+        return np.empty(0, dtype=np.int64) if attached is None else np.unique(attached.bones)
+
+    @property
+    def _pinched(self) -> list[NDArray[np.bool_]]:
+        return [shapes.pinched for shapes in self.assembly.ranks[0].contacts.groups or ()]
+
+    @property
+    def haste(self) -> float:
+        """How many times too long steps were for thin colliders that came by."""
+        return max((float(group.haste[0]) for group in self.assembly.ranks[0].contacts.faces or ()), default=0.0)
+
+    def choose_substeps(self, dt: float, *, strained: bool = False) -> int:
+        """Substeps in `dt` [s] that were asked for, or that the solver chooses."""
+        return self._solver.choose_substeps(self._room, dt, strained=strained)
+
+    def own_choice(self, dt: float, *, strained: bool = False) -> int:
+        """Substeps in `dt` [s] that the solver would choose, whatever was asked for."""
+        return replace(self._solver, substeps=None).choose_substeps(self._room, dt, strained=strained)
+
+    def change_solver(self, solver: Solver) -> None:
+        """Go on with another solver from where the cloth is."""
+        if replace(solver, substeps=None) != replace(self._solver, substeps=None):
+            self._room = solver.init(self.assembly)
+            dtype = solver.dtype(self.assembly)
+            self.state = State(*(component.astype(dtype) for component in self.state))
+        self._solver = solver
+
+    def settle(self, duration: float | None, velocity: FloatArray) -> None:
+        """Bring the cloth to rest on bones that stand still, moving what they hold to where it is worn.
+
+        For `duration` [s], None for as long as it needs where there is anything to move; the air comes as if the bones
+        moved at `velocity` [m/s].
+        """
+        if duration is None:
+            duration = 0.0 if np.array_equal(self._worn, self._spread) else SETTLING_TIME
+        attached, wind, pose = self.assembly.attached, self.assembly.wind, self.pose
+        wind -= velocity
+        motion = Motion(*pose, *pose)
+        substeps = max(self.choose_substeps(SETTLING_FRAME), self.own_choice(SETTLING_FRAME))
+        for frame in range(1, round(duration / SETTLING_FRAME) + 1):
+            now = frame * SETTLING_FRAME
+            if attached is not None:
+                share = min(now / PUT_ON_TIME, 1.0)
+                share = share * share * (3.0 - 2.0 * share)
+                attached.points[:] = self._spread + share * (self._worn - self._spread)
+            self.complete(motion, SETTLING_FRAME, substeps, self.moment())
+            self.note_lift(SETTLING_FRAME)
+            for component in self.state[3:]:
+                component *= SETTLING_DAMPING
+            speed = np.sqrt(sum(float(np.mean(np.square(c, dtype=float))) for c in self.state[3:]))
+            if now > 1.5 * PUT_ON_TIME and speed < SETTLED_SPEED:
+                break
+        if attached is not None:
+            attached.points[:] = self._worn
+        wind += velocity
+
+    def set_out(self, velocity: FloatArray, spin: FloatArray) -> None:
+        """Give the cloth the velocity [m/s] and spin [rad/s] of what holds it, as if it were rigid."""
+        attached = self.assembly.attached
+        if attached is None:
+            return
+        center = self.origin + self.pose.positions[attached.bones].mean(axis=0)
+        carried = velocity + np.cross(spin, self.positions - center)
+        for component, added in zip(self.state[3:], self.assembly.inwards(carried.astype(float)).T, strict=True):
+            component += added
+
+    def disturb(self, offsets: FloatArray) -> None:
+        """Move the vertices that no bone holds by `offsets` [m], shape (V, 3)."""
+        free = self.assembly.inverse_mass > 0.0
+        for component, moved in zip(self.state[:3], self.assembly.inwards(offsets).T, strict=True):
+            component[free] += moved[free].astype(component.dtype)
+        self.look()
+
+    def place(self) -> Place:
+        """Where the cloth is, for another one of the same scene."""
+        held = self.assembly.attached
+        hold = None if held is None else (held.points.copy(), held.lift.copy(), held.drift.copy())
+        state = np.stack(self.state, axis=1).astype(float)
+        return Place(self.origin, self.pose, self.assembly.outwards(state), hold)
+
+    def go_to(self, place: Place) -> None:
+        """Take the place, speed and hold of another one of the same scene; what layers and limbs hold is found anew."""
+        self.origin, self.pose = place.origin, place.pose
+        for component, values in zip(self.state, self.assembly.inwards(place.state).T, strict=True):
+            component[:] = values
+        for notes in self._pinched:
+            notes[:] = False
+        held = self.assembly.attached
+        if held is not None and place.hold is not None:
+            held.points[:], held.lift[:], held.drift[:] = place.hold
+        self.look()
+
+    def carry(self, pose: Pose) -> None:
+        """Move the cloth as a whole to where the bones have jumped, to a pose about `origin`."""
+        attached = self.assembly.attached
+        if attached is not None:
+            before = putting_on.held_points(attached, self.pose)
+            rotation, shift = rigid_motion(before, putting_on.held_points(attached, pose))
+            places = np.stack(self.state[:3], axis=1) @ rotation.T + shift
+            velocities = np.stack(self.state[3:], axis=1) @ rotation.T
+            moved = np.round(places.mean(axis=0))
+            for component, values in zip(self.state, (*(places - moved).T, *velocities.T), strict=True):
+                component[:] = values
+            self.origin = self.origin + moved
+            pose = pose.moved(-moved)
+            if self.assembly.layers is not None:
+                self_contact.turn(self.assembly.layers, rotation)
+            # How the jump has changed the bones' places to each other is caught up with slowly.
+            carried = before @ rotation.T + shift - moved
+            attached.lift[:] = putting_on.in_bones(attached, pose, carried) - attached.points
+        self.pose = pose
+        self.look()
+
+    def complete(self, motion: Motion, duration: float, substeps: int, before: Moment) -> tuple[int, bool]:
+        """Advance a frame, again from the moment before it where pairs of layers had no room in their lists.
+
+        Returns how many solves did not converge, and whether the result is sound.
+        """
+        while True:
+            unconverged = self.advance(motion, duration, substeps)
+            known, sound = self.assembly.layers, self.look()
+            if known is None or self_contact.surplus(known) == 0:
+                return unconverged, sound
+            if not sound or not self_contact.may_grow(known):
+                return unconverged, False
+            self.assembly = self.assembly.with_layers(self_contact.enlarged(known))
+            self.restore(before)
+
+    def advance(self, motion: Motion, duration: float, substeps: int) -> int:
+        """Advance by `duration` [s], and tell how many solves did not converge."""
+        if self.keeps_journal:
+            count, dtype = self.state.x.size, self.state.x.dtype
+            integrated, ended = np.empty((2, substeps, 6, count), dtype)
+            self.journal = Journal(integrated, ended, np.empty((substeps, count), np.bool_))
+        return self._solver.step(
+            self.assembly, self._room, self.state, motion, duration=duration, substeps=substeps, threads=self._threads,
+            journal=self.journal,
+        )  # fmt: skip
+
+    def note_lift(self, duration: float) -> None:
+        """Note how far what bones hold has drifted out of colliders in a frame of `duration` [s]."""
+        attached = self.assembly.attached
+        if attached is not None:
+            attached.lift[:] += duration * attached.drift
+
+    def recenter(self) -> None:
+        """Keep the cloth near the origin that its positions refer to: far from it single precision is coarse."""
+        if np.abs(self._center).max() < FARTHEST:
+            return
+        shift = np.round(self._center).astype(float)
+        for component, moved in zip(self.state[:3], shift, strict=True):
+            component -= component.dtype.type(moved)
+        self.origin = self.origin + shift
+        self.pose = self.pose.moved(-shift)
+
+    def look(self) -> bool:
+        """Tell whether no vertex is farther or faster than anything real.
+
+        Notes where the cloth is, and whether it is strained.
+        """
+        *center, sound = whereabouts(*self.state, FARTHEST_LEAP, FASTEST)
+        springs = self.assembly.springs
+        self._center = np.array(center)
+        self.strained = bool(is_strained(*self.state[:3], springs.first, springs.second, springs.rest, STRAINED))
+        return sound
+
+    def whirls(self) -> bool:
+        """Tell whether any vertex is faster than most motions make it; few are, and the step is then worth a check."""
+        *_, slow = whereabouts(*self.state, FARTHEST_LEAP, WILD)
+        return not slow
+
+    def moment(self) -> Moment:
+        """A copy of what a frame changes."""
+        known = self.assembly.layers
+        kept = None if known is None else self_contact.keep(known)
+        pinched = tuple(notes.copy() for notes in self._pinched)
+        return Moment(tuple(c.copy() for c in self.state), kept, pinched, self._center, self.strained)
+
+    def restore(self, before: Moment) -> None:
+        """Put a moment back."""
+        for component, kept in zip(self.state, before.state, strict=True):
+            component[:] = kept
+        self._center, self.strained = before.center, before.strained
+        for notes, kept in zip(self._pinched, before.pinched, strict=True):
+            notes[:] = kept
+        if self.assembly.layers is not None and before.layers is not None:
+            self_contact.put_back(self.assembly.layers, before.layers)
+
+    @contextmanager
+    def taken_back(self) -> Iterator[Moment]:
+        """Keep a copy of the state, and put it back should anything be raised within."""
+        before = self.moment()
+        try:
+            yield before
+        except BaseException:
+            self.restore(before)
+            raise

@@ -1,0 +1,354 @@
+"""A cloth that is being simulated: put on, settled, and stepped along with its bones."""
+
+import math
+import time
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cape.assembly.assemble import Assembly
+from cape.kernels.records import Motion, State
+from cape.measure.energy import Energy, energy_of
+from cape.measure.ledger import Ledger
+from cape.measure.meter import Meter, Reading
+from cape.run.hanging import SETTLING_FRAME, Hanging, Moment, Place
+from cape.scene.jumps import Cuts
+from cape.scene.poses import Bones, Pose, read_pose
+from cape.scene.scene import Scene
+from cape.solvers import Solver, SymplecticEuler
+from cape.solvers.threads import threads_for
+from motions.errors import ValueRangeError
+
+FloatArray = NDArray[np.float64]
+
+RETRIES = 4  # each at half the step or less
+CONVERGENCE_RETRIES = 2  # after which a step that did not converge is kept, and counted
+WHIRL_RETRIES = 3  # after which one that whirls is kept
+MOST_HASTE = 8.0  # times as many steps as usual, that are taken for thin colliders that come by fast
+FORECAST_SUBSTEPS = 50
+DEFAULT_CUTS = Cuts()
+
+
+class Forecast(NamedTuple):
+    """What a frame takes: steps of the solver, and wall time [s]."""
+
+    substeps: int
+    seconds: float
+
+
+class Snapshot(NamedTuple):
+    """Where the cloth of a scene was at some time, and the bones when it was put on."""
+
+    scene: Scene
+    first_pose: Pose
+    place: Place
+
+
+class Diverged(RuntimeError):
+    """A step stayed unstable at the smallest step tried; the text says what to change."""
+
+
+class Simulation:
+    """A running cloth for one's own loop: `start` once with the first pose, then `step` for each new one.
+
+    Bones are given as a mapping from each name in `scene.bones` to (position [m], quaternion bone_to_world wxyz), or as
+    a `Pose` in the order of `bones`.
+
+    Attributes:
+        scene: cloth, attachments, colliders, forces.
+        solver: how it is advanced.
+        threads: how many share the cloth at most.
+        substeps: steps of the last frame, as chosen first.
+        retried: frames since the start that exploded and were done again in shorter steps.
+        refined: frames that were taken in shorter steps, as the longer ones did not converge, made parts whirl,
+            strained springs too far, or let thin colliders come by too far.
+        unconverged: frames that did not converge in shorter steps either.
+        cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
+        jumps: frames in which the bones have jumped.
+        ledger: where the energy is accounted for, None for nowhere.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        solver: Solver | None = None,
+        threads: int | None = None,
+        cuts: Cuts | None = DEFAULT_CUTS,
+        ledger: Ledger | None = None,
+    ) -> None:
+        """Hold the scene and the solver; nothing is computed before `start`.
+
+        Args:
+            scene: cloth, attachments, colliders, forces.
+            solver: None for symplectic Euler with the step that the scene needs.
+            threads: how many share the cloth, None for as many as pay off; the results are the same.
+            cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
+            ledger: of this simulation alone, to account for its energy from each start on.
+
+        Raises:
+            ValueRangeError: the number of threads is not positive.
+        """
+        if threads is not None and threads < 1:
+            raise ValueRangeError(f"threads must be 1 or more, not {threads}")
+        self.scene = scene
+        self.solver = solver or SymplecticEuler()
+        self.threads = threads or threads_for(scene.cloth.vertices)
+        self.substeps = 0
+        self.retried = 0
+        self.refined = 0
+        self.unconverged = 0
+        self.cuts = cuts
+        self.jumps = 0
+        self.ledger = ledger
+        self._cloth: Hanging | None = None
+
+    @property
+    def bones(self) -> tuple[str, ...]:
+        """Names of the bones, or roles, whose poses are needed, in the order of a `Pose`."""
+        return self.scene.bones
+
+    @property
+    def assembly(self) -> Assembly:
+        """The scene's arrays.
+
+        Raises:
+            ValueRangeError: the simulation has not been started.
+        """
+        return self._started.assembly
+
+    @property
+    def positions(self) -> FloatArray:
+        """Positions of the vertices in the world [m], shape (V, 3)."""
+        return self._started.positions
+
+    @property
+    def velocities(self) -> FloatArray:
+        """Velocities of the vertices [m/s], shape (V, 3)."""
+        return self._started.velocities
+
+    @property
+    def energy(self) -> Energy:
+        """Energies of the cloth as it is now [J]."""
+        cloth = self._started
+        return energy_of(cloth.assembly, cloth.state, cloth.origin)
+
+    def start(
+        self,
+        bones: Bones,
+        *,
+        settle: float | None = None,
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        spin: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> None:
+        """Put the cloth on bones that stand still, compile what the scene needs, and let the cloth settle.
+
+        Args:
+            bones: the first pose.
+            settle: time to let the cloth come to rest [s], damped beyond its nature; None for as long as a cape takes
+                to be put on and settle, and for no time where the cloth starts in the world.
+            velocity: with which the bones that hold the cloth move on [m/s]; the cloth settles in their own wind.
+            spin: with which they turn [rad/s]; the cloth sets out as if rigid.
+
+        Raises:
+            UnknownNameError: a bone's pose is missing.
+            ValueRangeError: a pose, velocity or spin isn't finite, the cape can't be put on, or a vertex is held twice.
+            Diverged: the cloth explodes while it settles.
+        """
+        moving, turning = _vector(velocity, "velocity"), _vector(spin, "spin")
+        self.substeps = self.retried = self.refined = self.unconverged = self.jumps = 0
+        self._put_on(read_pose(bones, self.bones), settle, moving, turning)
+        self._open_ledger()
+
+    def snapshot(self) -> Snapshot:
+        """Where the cloth is now, for `start_from`.
+
+        Raises:
+            ValueRangeError: the simulation has not been started.
+        """
+        place = self._started.place()
+        return Snapshot(self.scene, self._first_pose, place)
+
+    def start_from(self, snapshot: Snapshot) -> None:
+        """Start from where this or another simulation of the same scene was: its bones, positions and velocities.
+
+        What layers of the cloth then touch each other, and what limbs pinch, is found anew.
+
+        Raises:
+            ValueRangeError: the snapshot is of another scene.
+        """
+        if snapshot.scene is not self.scene:
+            raise ValueRangeError("a simulation starts from a snapshot of its own scene only")
+        self.substeps = self.retried = self.refined = self.unconverged = self.jumps = 0
+        cloth = self._cloth or self._put_on(snapshot.first_pose, 0.0)
+        cloth.go_to(snapshot.place)
+        self._open_ledger()
+
+    def disturb(self, offsets: ArrayLike) -> None:
+        """Move the vertices that no bone holds by `offsets` [m], shape (V, 3), velocities as they are.
+
+        Raises:
+            ValueRangeError: the simulation has not been started, or the shape is another, or a number is not finite.
+        """
+        cloth = self._started
+        moves = np.asarray(offsets, dtype=float)
+        if moves.shape != cloth.positions.shape or not np.isfinite(moves).all():
+            raise ValueRangeError(f"offsets must be finite and of shape {cloth.positions.shape}")
+        cloth.disturb(moves)
+
+    def change_solver(self, solver: Solver) -> None:
+        """Go on with another solver, or another number of its substeps, from where the cloth is.
+
+        Raises:
+            ValueRangeError: the simulation has not been started, or a ledger keeps the accounts of its solver.
+        """
+        if self.ledger is not None:
+            raise ValueRangeError("a ledger keeps the accounts of one solver, which can't be changed")
+        self._started.change_solver(solver)
+        self.solver = solver
+
+    def compile(self, bones: Bones) -> None:
+        """Compile, or load from the cache, all that the scene needs; `start` would, this call only moves the time."""
+        self.start(bones, settle=SETTLING_FRAME)
+        self.read(self.meter())
+
+    def step(self, bones: Bones, dt: float) -> None:
+        """Advance the cloth by `dt` [s], in which the bones move from where they were to the given pose.
+
+        Starts the simulation with that pose if it has not been started. A step that explodes is taken back and done
+        again with half the step, or as small a one as the solver would have chosen.
+
+        Raises:
+            UnknownNameError: a bone's pose is missing.
+            ValueRangeError: the pose is not finite, or `dt` is not positive.
+            Diverged: the step explodes at any size; the state is as before.
+        """
+        if not 0.0 < dt < float("inf"):
+            raise ValueRangeError(f"the time step must be positive and finite, not {dt}")
+        if self._cloth is None:
+            self.start(bones)
+        cloth = self._started
+        cloth.recenter()
+        pose = read_pose(bones, self.bones)
+        if self.cuts is not None and self.cuts.between(cloth.pose, pose.moved(-cloth.origin), dt, cloth.holding):
+            self.jumps += 1
+            cloth = self._jump(pose, self.cuts)
+        pose = pose.moved(-cloth.origin)
+        self.substeps = cloth.choose_substeps(dt, strained=cloth.strained)
+        with cloth.taken_back() as before:
+            self._try(cloth, Motion(*cloth.pose, *pose), dt, before)
+        cloth.pose = pose
+        if self.ledger is not None and cloth.journal is not None:
+            self.ledger.enter(cloth.assembly, State(*before.state), cloth.origin, cloth.journal, dt)
+
+    def _open_ledger(self) -> None:
+        """Begin to account for the energy of the cloth as it is, where there is a ledger."""
+        cloth = self._started
+        if self.ledger is not None:
+            self.ledger.begin(cloth.assembly, cloth.state, cloth.origin, sweeps=self.solver.sweeps)
+
+    def _put_on(
+        self, pose: Pose, settle: float | None, moving: FloatArray | float = 0.0, turning: FloatArray | float = 0.0
+    ) -> Hanging:
+        """Put the cloth on bones at a pose, to set out with a velocity [m/s] and a spin [rad/s], shape (3,) each."""
+        self._cloth, self._first_pose = None, pose
+        cloth = Hanging(self.scene, self.solver, pose, threads=self.threads)
+        cloth.settle(settle, np.broadcast_to(moving, 3))
+        cloth.set_out(np.broadcast_to(moving, 3), np.broadcast_to(turning, 3))
+        if not cloth.look():
+            raise _diverged(cloth.own_choice(SETTLING_FRAME))
+        cloth.keeps_journal = self.ledger is not None
+        self._cloth = cloth
+        return cloth
+
+    def _jump(self, pose: Pose, cuts: Cuts) -> Hanging:
+        """Carry the cloth along to where the bones have jumped, or put it on anew there."""
+        cloth = self._started
+        if cuts.then == "reset":
+            if self.scene.cloth.frame == "wearer":
+                return self._put_on(pose, None)
+            # A cloth that started in the world did so where the first pose of its bones was.
+            cloth = self._put_on(self._first_pose, None)
+        cloth.carry(pose.moved(-cloth.origin))
+        return cloth
+
+    def _try(self, cloth: Hanging, motion: Motion, dt: float, before: Moment) -> None:
+        """Take a step at half the size while it explodes, a few times at most if it whirls or does not converge."""
+        substeps, exploded, refined = self.substeps, False, False
+        for attempt in range(RETRIES + 1):
+            unconverged, sound = cloth.complete(motion, dt, substeps, before)
+            if attempt == 0 and sound and (needed := self._needed_substeps(cloth, substeps, dt)) > substeps:
+                cloth.restore(before)
+                substeps, refined = needed, True
+                unconverged, sound = cloth.complete(motion, dt, substeps, before)
+            patience = WHIRL_RETRIES if cloth.whirls() else CONVERGENCE_RETRIES if unconverged else 0
+            if sound and attempt >= patience:
+                self.retried += exploded
+                self.refined += refined and unconverged == 0
+                self.unconverged += unconverged > 0
+                cloth.note_lift(dt)
+                return
+            exploded, refined = exploded or not sound, refined or sound
+            if attempt < RETRIES:
+                cloth.restore(before)
+                # A count between what explodes and what is stable may grow slowly enough to pass for sound.
+                substeps = max(2 * substeps, cloth.own_choice(dt, strained=True))
+        raise _diverged(substeps)
+
+    def _needed_substeps(self, cloth: Hanging, substeps: int, dt: float) -> int:
+        """Substeps that a frame of `dt` [s] would have needed, seen after taking it in fewer."""
+        if self.solver.substeps is not None:
+            return substeps
+        needed = math.ceil(substeps * min(cloth.haste, MOST_HASTE))
+        if cloth.strained:
+            needed = max(needed, cloth.choose_substeps(dt, strained=True))
+        return needed
+
+    def forecast(self, dt: float) -> Forecast:
+        """Tell what a frame of `dt` [s] takes, by stepping a part of one and taking it back.
+
+        Raises:
+            ValueRangeError: the simulation has not been started.
+        """
+        cloth = self._started
+        substeps = cloth.choose_substeps(dt)
+        tried = min(substeps, FORECAST_SUBSTEPS)
+        seconds = []
+        with cloth.taken_back() as before:
+            for _ in range(2):
+                begun = time.perf_counter()
+                cloth.complete(Motion(*cloth.pose, *cloth.pose), dt * tried / substeps, tried, before)
+                seconds.append((time.perf_counter() - begun) * substeps / tried)
+                cloth.restore(before)
+        return Forecast(substeps, min(seconds))
+
+    def meter(self, scene: Scene | None = None) -> Meter:
+        """Give a meter for this run, of the colliders of another scene of the same cloth where one is given."""
+        return Meter(self.assembly, scene)
+
+    def read(self, meter: Meter, bones: Bones | None = None) -> Reading:
+        """Measure the cloth as it is now; a meter of another scene needs the poses of that scene's bones."""
+        cloth = self._started
+        pose = cloth.pose if bones is None else read_pose(bones, meter.scene.bones).moved(-cloth.origin)
+        return meter.read(cloth.state, pose, origin=cloth.origin)
+
+    @property
+    def _started(self) -> Hanging:
+        if self._cloth is None:
+            raise ValueRangeError("the simulation has not been started: call start with the first pose of the bones")
+        return self._cloth
+
+
+def _diverged(substeps: int) -> Diverged:
+    return Diverged(
+        f"the cloth explodes even at {substeps} substeps per frame: "
+        "use a softer or heavier fabric, a wider spacing, or another solver (xpbd, tr_bdf2)"
+    )
+
+
+def _vector(values: ArrayLike, name: str) -> FloatArray:
+    vector = np.asarray(values, dtype=float)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueRangeError(f"the {name} at the start must be three finite numbers, not {values}")
+    return vector

@@ -1,0 +1,82 @@
+"""Everything that a simulation needs to know and that does not change while it runs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.cloth.cloth import Cloth
+from cape.scene.attachments import Attachment
+from cape.scene.colliders import Collider
+from cape.scene.self_contact import SelfContact
+from cape.scene.wind import Wind
+from motions.errors import ValueRangeError
+
+# Bones, or their roles, that place the wearer's frame.
+WEARER_ROLES = ("left_upper_arm", "right_upper_arm", "pelvis")
+GRAVITY = (0.0, 0.0, -9.81)  # m/s2
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A cloth, what holds it, what it can't enter and what acts on it.
+
+    Attributes:
+        cloth: the cloth.
+        attachments: vertices that bones carry; none for a free cloth.
+        colliders: shapes on bones or in the world; none for no contact.
+        gravity: [m/s2].
+        wind: the air, None for vacuum.
+        friction: Coulomb coefficient of colliders that have none of their own.
+        thickness: distance at which colliders stop the cloth [m]: half of the cloth's own thickness, and room for
+            what lies between the vertices.
+        self_contact: how the cloth touches itself; None to let it pass through itself.
+        wearer: the bones, or their roles, at which the left and the right arm begin, and the pelvis: where a cape is.
+    """
+
+    cloth: Cloth
+    attachments: Sequence[Attachment] = ()
+    colliders: Sequence[Collider] = ()
+    gravity: tuple[float, float, float] = GRAVITY
+    wind: Wind | None = None
+    friction: float = 0.3
+    thickness: float = 0.005
+    self_contact: SelfContact | None = None
+    wearer: tuple[str, str, str] = WEARER_ROLES
+
+    def __post_init__(self) -> None:
+        """Check what can be checked without bones.
+
+        Raises:
+            ValueRangeError: a vertex is attached twice, two colliders share a name, or a value is out of range.
+        """
+        require_held_once([a.vertices for a in self.attachments if a.within is None])
+        names = [c.name for c in self.colliders]
+        doubled = sorted({n for n in names if names.count(n) > 1})
+        if doubled:
+            raise ValueRangeError(f"two colliders are named {doubled[0]!r}")
+        if len(self.gravity) != 3 or not np.isfinite(self.gravity).all():
+            raise ValueRangeError(f"gravity must be three finite numbers, not {self.gravity}")
+        for name in ("friction", "thickness"):
+            if not 0.0 <= getattr(self, name) < float("inf"):
+                raise ValueRangeError(f"{name} must be zero or more and finite, not {getattr(self, name)}")
+
+    @property
+    def bones(self) -> tuple[str, ...]:
+        """Names of the bones, or roles, that the scene uses, each once."""
+        used = [a.bone for a in self.attachments] + [c.bone for c in self.colliders if c.bone is not None]
+        if self.cloth.frame == "wearer":
+            used += self.wearer
+        return tuple(dict.fromkeys(used))
+
+
+def require_held_once(held: Sequence[NDArray[np.int64]]) -> None:
+    """Check that no vertex is in two of the attachments' vertices.
+
+    Raises:
+        ValueRangeError: one is.
+    """
+    values, counts = np.unique(np.concatenate([*held, np.empty(0, dtype=np.int64)]), return_counts=True)
+    if (counts > 1).any():
+        raise ValueRangeError(f"vertex {values[counts > 1][0]} is attached more than once")

@@ -1,0 +1,1 @@
+"""How the shipped clips are made: `python -m motions.making.make`."""

@@ -1,0 +1,1 @@
+"""A clip's motion on a robot."""

@@ -1,0 +1,1 @@
+"""Robots: their links' surfaces, hitboxes around those, and files of motions and of solids."""

@@ -1,0 +1,20 @@
+"""Random arrangements of colliders, cloth and motions: nothing stuck, torn loose or not a number.
+
+The first of five hundred; `python -m tests.support.contact_judge` takes them all.
+"""
+
+import pytest
+
+from cape import Solver
+from tests.support.arrangements import arrangement
+from tests.support.contact_judge import run
+from tests.support.scenes import both_by_default
+
+COUNT, CHUNK = 100, 50
+
+
+@both_by_default
+@pytest.mark.parametrize("first", range(0, COUNT, CHUNK))
+def test_random_arrangements_go_well(solver: Solver, first: int):
+    faults = [fault for number in range(first, first + CHUNK) for fault in run(arrangement(number), solver).faults]
+    assert not faults, "\n".join(faults)

@@ -1,0 +1,441 @@
+"""Triangles against shapes: the nearest and the deepest point by brute force, and what contact gives to the corners.
+
+The kernels also run with the compiler off: NUMBA_DISABLE_JIT=1.
+"""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cape import Box, Capsule, Cloth, Collider, Fabric, MeshCloth, Plane, Scene, Sphere
+from cape.assembly.contact import STRETCHED, contacts_of
+from cape.kernels.contact import faces
+from cape.kernels.contact.shapes import MOMENT, Boxes, Capsules, Faces, Shapes, TaperedCapsules, place
+from cape.kernels.contact.watch import JOLT, NEVER, TILE
+from cape.kernels.records import State
+from cape.scene.colliders import TaperedCapsule
+from tests.support.scenes import grid_cloth
+from tests.support.shapes import FloatArray, moving, record, reference_distance, still, tapered_sizes
+
+ROUNDING = 1e-12
+
+numbers = st.one_of(st.integers(-8, 8).map(lambda k: k / 8), st.floats(-1, 1, allow_subnormal=False))
+points = st.tuples(numbers, numbers, numbers).map(np.array)
+triangles = st.tuples(points, points, points).map(np.array)
+
+
+def grid_of_weights(n: int) -> FloatArray:
+    """Barycentric weights of a regular grid over a triangle, corners and edges with it, (W, 3)."""
+    u, v = np.meshgrid(np.arange(n + 1), np.arange(n + 1))
+    kept = u + v <= n
+    return np.stack([u[kept], v[kept], n - u[kept] - v[kept]], axis=1) / n
+
+
+DENSE, COARSE = grid_of_weights(60), grid_of_weights(20)
+
+
+# -- the nearest point --
+
+
+def nearest_weights(p: FloatArray, corners: FloatArray) -> FloatArray:
+    return np.array(faces.weights_of_nearest(*map(float, p), *map(float, corners.ravel())))
+
+
+@settings(deadline=None)  # the first one compiles
+@given(points, triangles)
+def test_no_point_of_a_triangle_is_nearer_than_the_nearest(p, corners):
+    weights = nearest_weights(p, corners)
+    assert weights.min() >= -ROUNDING
+    assert weights.sum() == pytest.approx(1.0, abs=ROUNDING)
+    nearest = np.linalg.norm(weights @ corners - p)
+    sampled = np.linalg.norm(DENSE @ corners - p, axis=1).min()
+    # Slivers: their height is known to a few roundings over their length.
+    assert nearest <= sampled + 1e-7
+
+
+@pytest.mark.parametrize(
+    ("p", "weights"),
+    [
+        ((-1, -1, 1), (1, 0, 0)),
+        ((3, -1, 1), (0, 1, 0)),
+        ((-1, 3, 1), (0, 0, 1)),
+        ((0.5, -1, 1), (0.5, 0.5, 0)),
+        ((-1, 0.25, 1), (0.75, 0, 0.25)),
+        ((1, 1, 1), (0, 0.5, 0.5)),
+        ((0.25, 0.25, 1), (0.5, 0.25, 0.25)),
+        ((0, 0, 0), (1, 0, 0)),
+        ((0.5, 0.5, 0), (0, 0.5, 0.5)),
+    ],
+    ids=["corner a", "corner b", "corner c", "edge ab", "edge ac", "edge bc", "inside", "on a corner", "on an edge"],
+)
+def test_the_nearest_point_region_by_region(p, weights):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
+    np.testing.assert_allclose(nearest_weights(np.array(p, float), corners), weights, atol=1e-15)
+    # Whichever corner comes first.
+    for order in ([1, 2, 0], [2, 0, 1], [0, 2, 1]):
+        turned = nearest_weights(np.array(p, float), corners[order])
+        np.testing.assert_allclose(turned, np.array(weights)[order], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [[0, 0, 0]] * 3,
+        [[0, 0, 0], [0, 0, 0], [1, 0, 0]],
+        [[0, 0, 0], [1, 0, 0], [1, 0, 0]],
+        [[1, 0, 0], [0, 0, 0], [1, 0, 0]],
+        [[0, 0, 0], [1, 0, 0], [0.25, 0, 0]],
+    ],
+    ids=["a point", "a on b", "b on c", "c on a", "three in a row"],
+)
+def test_triangles_of_no_area_have_a_nearest_point(corners):
+    corners = np.array(corners, float)
+    for p in np.random.default_rng(1).uniform(-1, 2, (30, 3)):
+        weights = nearest_weights(p, corners)
+        assert weights.min() >= 0.0
+        assert weights.sum() == pytest.approx(1.0, abs=ROUNDING)
+        sampled = np.linalg.norm(DENSE @ corners - p, axis=1).min()
+        assert np.linalg.norm(weights @ corners - p) <= sampled + ROUNDING
+
+
+# -- the deepest point --
+
+
+def random_shape(kind: str, rng: np.random.Generator) -> Shapes:
+    """A shape of 5 to 50 mm."""
+    radius = rng.uniform(0.005, 0.05)
+    if kind == "capsule":
+        return record(Capsules, (rng.uniform(0.05, 0.3), radius, 0, 0), thickness=0.005)
+    if kind == "sphere":
+        return record(Capsules, (0, radius, 0, 0), thickness=0.005)
+    if kind == "box":
+        return record(Boxes, (*rng.uniform(0.005, 0.05, 3), 0), thickness=0.005)
+    length, other = rng.uniform(0.06, 0.3), rng.uniform(0.005, 0.05)
+    return record(TaperedCapsules, tapered_sizes(length, radius, other), thickness=0.005)
+
+
+def triangle_near(shapes: Shapes, rng: np.random.Generator) -> FloatArray:
+    """A triangle with edges of about 10 to 40 mm whose middle is less than its size off the surface."""
+    reach = 0.02 + shapes.colliders.sizes[0, :3].max()
+    while True:
+        edge = rng.uniform(0.01, 0.04)
+        corners = rng.uniform(-1, 1, (3, 3))
+        corners *= edge / np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).max()
+        corners += rng.uniform(-reach, reach, 3) - corners.mean(axis=0)
+        area = np.linalg.norm(np.cross(corners[1] - corners[0], corners[2] - corners[0])) / 2
+        if area > 0.05 * edge**2 and abs(distance_at(shapes, corners.mean(axis=0)[None])[0]) < edge:
+            return corners
+
+
+def distance_at(shapes: Shapes, where: FloatArray) -> FloatArray:
+    return reference_distance(type(shapes), shapes.colliders.sizes[0], where)
+
+
+def refined_depth(shapes: Shapes, corners: FloatArray) -> float:
+    """Least signed distance on a triangle: a grid of points, then finer ones around the best, as it is convex."""
+    weights, size, found = COARSE, 1.0, []
+    for _ in range(5):
+        distances = distance_at(shapes, weights @ corners)
+        best = weights[distances.argmin()]
+        found.append(distances.min())
+        size *= 0.2
+        weights = np.clip(best + size * (COARSE - 1 / 3), 0, None)
+        weights /= weights.sum(axis=1, keepdims=True)
+    return float(min(found))
+
+
+KINDS = ("capsule", "sphere", "tapered capsule", "box")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_deepest_point_of_a_triangle(kind: str):
+    rng = np.random.default_rng(4)
+    inside = 0
+    for _ in range(40 if kind == "tapered capsule" else 150):
+        shapes = random_shape(kind, rng)
+        corners = triangle_near(shapes, rng)
+        distance, nx, ny, nz, *weights = faces.deepest_on_triangle(shapes, 0, *map(float, corners.ravel()))
+        assert min(weights) >= -ROUNDING
+        assert sum(weights) == pytest.approx(1.0, abs=ROUNDING)
+        where = np.array(weights) @ corners
+        assert distance == pytest.approx(distance_at(shapes, where[None])[0], abs=1e-9)
+        assert np.linalg.norm((nx, ny, nz)) == pytest.approx(1.0, abs=1e-9)
+        least = refined_depth(shapes, corners)
+        if least > -faces.PIERCED * shapes.colliders.core[0]:
+            assert distance < least + 1e-4
+            inside += least < 0
+    assert inside > 5
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_clearance_is_never_more_than_a_triangle_s_distance(kind: str):
+    rng = np.random.default_rng(4)
+    loose = []
+    for _ in range(60):
+        shapes = random_shape(kind, rng)
+        corners = triangle_near(shapes, rng)
+        bound = faces.clearance(shapes, 0, *map(float, corners.ravel()))
+        least = refined_depth(shapes, corners)
+        assert bound <= least + 1e-12
+        loose.append(least - bound)
+    # Of use: it misses by less than the size of a triangle.
+    assert np.median(loose) < 0.01
+
+
+def test_a_look_at_a_group_tells_the_clearance_of_each():
+    rng = np.random.default_rng(4)
+    shapes = record(Capsules, (0.2, 0.03, 0, 0), thickness=0.005, origins=(0.1, 0.2, 0.3))
+    m = moving(np.zeros((1, 3)), place=[[0.5, 0.0, 0.0]])
+    shapes.clock[MOMENT] += 1
+    place(shapes, 0, m.positions, m.matrices)
+    points = rng.uniform(-0.1, 0.1, (5, 3)) + np.array([0.6, 0.2, 0.3])
+    corners = np.array([[0, 1, 2], [4, 2, 3], [1, 3, 4]])
+    s, group = one_triangle(points, np.zeros((5, 3)), shapes)
+    group = group._replace(corners=np.ascontiguousarray(corners.T))
+    least = faces.look_at_group(group, 1, 3, s, shapes, 0, 0.02)
+    own = points[corners[1:]] - [0.6, 0.2, 0.3]
+    expected = np.array([faces.clearance(shapes, 0, *map(float, t.ravel())) for t in own]) - 0.02
+    np.testing.assert_allclose(group.seen[:2], expected, atol=1e-15)
+    assert least == pytest.approx(expected.min(), abs=1e-15)
+
+
+# -- what the corners get --
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("held", [(), (1,), (0, 2), (0, 1, 2)], ids=["free", "one held", "two held", "all held"])
+def test_a_point_of_a_triangle_is_stopped_by_impulses_on_its_corners(held: tuple[int, ...], friction: float):
+    rng, back, most = np.random.default_rng(4), 0.01, 0.002
+    corners, parts = [3, 1, 4], []
+    for _ in range(30):
+        p, v = rng.standard_normal((2, 3, 6))
+        s = State(*p.copy(), *v.copy())
+        mass = rng.uniform(0.5, 2.0, 6)
+        inverse = 1.0 / mass
+        inverse[[corners[k] for k in held]] = 0.0
+        w = rng.dirichlet((1, 1, 1))
+        n, velocity, spin, here = rng.standard_normal((4, 3))
+        n /= np.linalg.norm(n)
+        m = moving([velocity], spin=[spin], place=[here])
+        depth = rng.uniform(0.0, 0.05)
+        hit = faces.respond_on_triangle(s, inverse, *corners, *w, depth, *n, 0, friction, back, most, m)
+        moved, gained = np.stack(s[:3]) - p, np.stack(s[3:]) - v
+        others = np.setdiff1d(np.arange(6), [corners[k] for k in range(3) if k not in held])
+        np.testing.assert_array_equal(moved[:, others], 0.0)
+        np.testing.assert_array_equal(gained[:, others], 0.0)
+        if len(held) == 3:
+            continue
+        point, speed = p[:, corners] @ w, v[:, corners] @ w
+        against = speed - velocity - np.cross(spin, point - here)
+        # No corner is moved farther than so many times what the point needs: then the point gets a part of it.
+        shares = w * inverse[corners] / (w * w @ inverse[corners])
+        part = min(1.0, faces.LEVER / shares.max())
+        parts.append(part)
+        after = against + gained[:, corners] @ w / part
+        inwards = -(against @ n)
+        assert hit == pytest.approx(inwards)
+        if inwards <= 0:
+            np.testing.assert_array_equal(gained, 0.0)
+        else:
+            assert after @ n == pytest.approx(0.0, abs=ROUNDING)
+            slides = against + inwards * n
+            sliding = np.linalg.norm(slides)
+            kept = max(0.0, 1 - friction * inwards / sliding)
+            np.testing.assert_allclose(after, kept * slides, atol=ROUNDING)
+        # Impulses of free corners are as their weights.
+        impulses = mass[corners] * gained[:, corners]
+        for k, one in itertools.permutations(set(range(3)) - set(held), 2):
+            np.testing.assert_allclose(impulses[:, k] * w[one], impulses[:, one] * w[k], atol=ROUNDING)
+        # The point moves by what its velocity does, and by what is left of the depth.
+        left = min(max(depth - back * ((after - against) @ n), 0.0), most)
+        np.testing.assert_allclose(moved[:, corners] @ w, part * (back * (after - against) + left * n), atol=ROUNDING)
+    assert max(parts, default=1.0) == 1.0
+    assert len(held) in (0, 3) or min(parts) < 0.5
+
+
+# -- which triangles --
+
+
+def faces_of(cloth: Cloth, *colliders: Collider, thickness: float = 0.005) -> tuple[Faces, ...] | None:
+    scene = Scene(cloth, colliders=list(colliders), thickness=thickness)
+    return contacts_of(scene, cloth, np.ones(cloth.vertices, bool))[0].faces
+
+
+def scattered_mesh(rng: np.random.Generator) -> MeshCloth:
+    """Triangles of all forms, each by itself, with edges of 2 to 60 mm."""
+    flat = rng.uniform(-0.03, 0.03, (120, 3, 2))
+    flat += 0.1 * np.stack(np.divmod(np.arange(120), 11), axis=1)[:, None]
+    flat = flat.reshape(-1, 2)
+    places = np.column_stack([flat, np.zeros(len(flat))])
+    return Cloth.from_mesh(places, np.arange(360).reshape(-1, 3), pattern=flat)
+
+
+def cover(flat: FloatArray) -> FloatArray:
+    """Farthest that a point of each triangle (T, 3, 2) is from its nearest corner, sampled."""
+    inside = np.einsum("wk,tkc->twc", DENSE, flat)
+    return np.linalg.norm(inside[:, :, None] - flat[:, None], axis=3).min(axis=2).max(axis=1)
+
+
+def test_chosen_are_all_triangles_that_vertices_do_not_hold_off():
+    cloth = scattered_mesh(np.random.default_rng(6))
+    flat = cloth.corners
+    radius, thickness = 0.03, 0.005
+    (found,) = list(faces_of(cloth, Sphere(radius=radius), thickness=thickness) or ())
+    chosen = {tuple(sorted(c)) for c in found.corners.T.tolist()}
+    assert len(chosen) == found.corners.shape[1]
+    # (r + t)^2 - p^2 < r^2, with triangles stretched by 5 %.
+    reach = STRETCHED * cover(flat)
+    needed = (radius + thickness) ** 2 - reach**2 < radius**2
+    everyone = [tuple(sorted(c)) for c in cloth.triangles.tolist()]
+    assert {t for t, n in zip(everyone, needed, strict=True) if n} <= chosen
+    # Sampling misses a few percent of an edge; of the obtuse ones half the longest edge stands for the point.
+    edges = np.sort(np.linalg.norm(flat - np.roll(flat, 1, axis=1), axis=2), axis=1)
+    acute = edges[:, 0] ** 2 + edges[:, 1] ** 2 > edges[:, 2] ** 2
+    bound = np.where(acute, 1.03 * reach, STRETCHED * edges[:, 2] / 2)
+    spared = (radius + thickness) ** 2 - bound**2 > radius**2
+    assert not {t for t, n in zip(everyone, spared, strict=True) if n} & chosen
+    assert min(needed.sum(), spared.sum(), (needed & acute).sum(), (spared & acute).sum()) > 5
+
+
+def test_groups_of_triangles_hang_on_one_tile_each():
+    cloth = grid_cloth(np.linspace(0, 0.5, 21), np.linspace(0, 0.4, 17), Fabric())
+    (found,) = list(faces_of(cloth, Sphere(radius=0.002)) or ())
+    assert found.starts[0] == 0
+    assert found.starts[-1] == found.corners.shape[1] == len(cloth.triangles)
+    assert (np.diff(found.starts) > 0).all()
+    assert np.diff(found.starts).max() <= faces.GROUP
+    assert len(found.tiles) == len(found.next) == len(found.wake) == len(found.starts) - 1
+    for g, tile in enumerate(found.tiles):
+        corners = found.corners[:, found.starts[g] : found.starts[g + 1]]
+        assert ((corners // TILE == tile).any(axis=0)).all()
+    assert found.longest == pytest.approx(STRETCHED * np.hypot(0.025, 0.025))
+
+
+def test_only_thin_colliders_are_watched_by_triangles():
+    cloth = grid_cloth(np.linspace(0, 0.3, 11), np.linspace(0, 0.3, 11), Fabric())
+    # The middle of a cell's diagonal is 22.3 mm from its ends when stretched: t (2 r + t) is more from 47.2 mm on.
+    limit = ((STRETCHED * 0.015 * np.sqrt(2)) ** 2 / 0.005 - 0.005) / 2
+    thin, thick = Sphere(name="thin", radius=0.999 * limit), Sphere(name="thick", radius=1.001 * limit)
+    (found,) = list(faces_of(cloth, thick, thin) or ())
+    np.testing.assert_array_equal(found.shapes.colliders.thin, [False, True])
+    assert faces_of(cloth, thick) is None
+
+
+@pytest.mark.parametrize(
+    "collider",
+    [
+        Plane(),
+        Plane(thickness=0.0),
+        Sphere(radius=0.2),
+        Capsule("", None, np.zeros(3), np.ones(3), 0.2),
+        TaperedCapsule(start_radius=0.3, end_radius=0.2),
+        Box(thickness=0.03),
+    ],
+    ids=["plane", "plane without thickness", "sphere", "capsule", "tapered capsule", "box in a thick skin"],
+)
+@pytest.mark.filterwarnings("error")
+def test_vertices_alone_keep_off_what_is_thick(collider: Collider):
+    cloth = grid_cloth(np.linspace(0, 0.3, 11), np.linspace(0, 0.3, 11), Fabric())
+    assert faces_of(cloth, collider) is None
+
+
+@pytest.mark.parametrize(
+    "collider",
+    [
+        Sphere(radius=0.02),
+        Sphere(radius=0.2, thickness=0.0),
+        Capsule("", None, np.zeros(3), np.ones(3), 0.02),
+        TaperedCapsule(start_radius=0.3, end_radius=0.02),
+        TaperedCapsule(start_radius=0.02, end_radius=0.3),
+        Box(half_sizes=np.full(3, 0.3)),
+    ],
+    ids=["ball", "no skin", "rod", "cone", "cone, thin first", "the edges of a box"],
+)
+def test_triangles_keep_off_what_is_thin(collider: Collider):
+    cloth = grid_cloth(np.linspace(0, 0.3, 11), np.linspace(0, 0.3, 11), Fabric())
+    (found,) = list(faces_of(cloth, collider) or ())
+    assert found.corners.shape[1] == 200
+    assert found.shapes.colliders.thin.all()
+
+
+# -- a triangle at work --
+
+
+def one_triangle(points: FloatArray, velocities: FloatArray, shapes: Shapes) -> tuple[State, Faces]:
+    s = State(*np.array(points.T, float), *np.array(velocities.T, float))
+    shapes.colliders.thin = 1
+    return s, Faces(
+        shapes=shapes, corners=np.array([[0], [1], [2]], np.uint32), starts=np.array([0, 1]), tiles=np.array([0]),
+        longest=0.1, wake=np.zeros((1, 1), np.int64), next=np.zeros(1, np.int64), due=np.zeros(1, np.int64),
+        seen=np.zeros(faces.SEEN), haste=np.zeros(1), pushed=np.zeros(1, np.int64),
+    )  # fmt: skip
+
+
+FLAT = np.array([[-0.02, -0.02, 0.0], [0.02, -0.02, 0.0], [0.0, 0.02, 0.0]])
+STEP = 1.0 / 480.0  # s
+
+
+def meet(s: State, triangles: Faces, m, turn: int, earlier=None) -> None:
+    """Contact of a triangle alone, as if its vertices were all out."""
+    triangles.shapes.clock[MOMENT] += 1
+    faces.collide_faces(s, np.ones(3), earlier, triangles, m, 1.0, turn, STEP)
+
+
+def gap_of(s: State, center: FloatArray, radius: float) -> float:
+    """Distance of a triangle from a sphere."""
+    return refined_depth(record(Capsules, (0, radius, 0, 0), thickness=0.0), np.stack(s[:3], axis=1) - center)
+
+
+def test_a_needle_s_tip_is_kept_out_between_three_vertices():
+    radius, thickness = 0.003, 0.005
+    ball = record(Capsules, (0, radius, 0, 0), thickness=thickness, origins=(0.0, 0.0, 0.001))
+    s, triangle = one_triangle(FLAT, np.zeros((3, 3)), ball)
+    for turn in range(4):
+        before = np.stack(s[:3])
+        meet(s, triangle, still(), turn)
+        # No faster than it may, and downwards: its middle is below the ball's.
+        moved = np.stack(s[:3]) - before
+        assert np.linalg.norm(DENSE @ moved.T, axis=1).max() <= 3 * faces.EXIT * STEP
+        assert (moved[2] <= 0.0).all()
+    assert gap_of(s, np.array([0.0, 0.0, 0.001]), radius) == pytest.approx(faces.SHARE * thickness, abs=1e-5)
+    np.testing.assert_array_equal(np.stack(s[3:]), 0.0)
+
+
+@pytest.mark.parametrize("explicit", [False, True], ids=["by its velocity", "from where it was"])
+@pytest.mark.parametrize("speed", [5.0, 30.0, 100.0])
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.9])
+def test_a_needle_that_passes_in_one_step_takes_the_triangle_along(speed: float, share: float, explicit: bool):
+    radius, thickness = 0.003, 0.005
+    # At the start of the step it is below the triangle, out of its reach, at the end a share of its way above.
+    way = max(speed * STEP, (radius + thickness) / (1 - share))
+    speed = way / STEP
+    center = np.array([0.002, 0.001, share * way])
+    ball = record(Capsules, (0, radius, 0, 0), thickness=thickness)
+    s, triangle = one_triangle(FLAT, np.zeros((3, 3)), ball)
+    meet(s, triangle, moving([[0.0, 0.0, speed]], place=[center]), 0, np.stack(s[:3]) if explicit else None)
+    # The point that was hit is ahead of the needle and goes as fast, but for what others need that are hit thereafter.
+    hit = nearest_weights(center, FLAT)
+    assert hit @ s.z > center[2] + radius
+    assert speed * (1 - 1e-9) < hit @ s.vz < 1.1 * speed
+    assert gap_of(s, center, radius) > 0.0
+
+
+@pytest.mark.parametrize("following", [False, True], ids=["at its place", "on its way"])
+@pytest.mark.parametrize("hard", [False, True])
+def test_what_a_triangle_hits_hard_is_awake_next_time(hard: bool, following: bool):
+    # A corner may be given `LEVER` times the speed of the point that is hit; other colliders learn of more than `JOLT`,
+    # and of all that is put back to where it was hit on its way.
+    speed = (1.1 if hard else 0.9) * JOLT / faces.LEVER
+    radius = 0.001 if following else 0.02
+    assert (speed * STEP > 0.5 * radius) == following
+    ball = record(Capsules, (0, radius, 0, 0), thickness=0.005)
+    s, triangle = one_triangle(FLAT, np.zeros((3, 3)), ball)
+    ball.alarm[:] = NEVER
+    ball.spreads[:] = measured = (0.03, 0.0, 1.0)
+    meet(s, triangle, moving([[0.0, 0.0, speed]], place=[[0.0, 0.0, -radius]]), 3)
+    assert s.vz.max() > 0.0
+    assert (ball.alarm[0] == 3) == (hard or following)
+    assert (tuple(ball.spreads[0]) != measured) == (hard or following)

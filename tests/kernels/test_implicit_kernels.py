@@ -1,0 +1,149 @@
+"""Kernels of the implicit solvers against dense matrices and slow formulas."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cape.assembly.assemble import force_model, force_scratch
+from cape.cloth.cloth import Cloth
+from cape.cloth.fabric import Fabric
+from cape.kernels import bones
+from cape.kernels.cloth.forces import compute_forces
+from cape.kernels.implicit import conjugate_gradients, stages, stiffness
+from cape.kernels.records import Motion, MotionRoom, State
+from cape.scene.attachments import Attachment
+from cape.scene.scene import Scene
+from cape.solvers import TRBDF2
+from cape.solvers.implicit import matrix_of
+from motions import quaternions
+from tests.support.scenes import Run, grid_cloth
+
+B = 2e-3  # s
+FABRIC = Fabric(stretch=300.0, shear=60.0, bend=1e-3, damping_time=1e-3, bend_damping_time=3e-3)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(5)
+
+
+class Linear:
+    """A cloth of few vertices, its matrix at a state, and products with it in double precision."""
+
+    def __init__(self, layout: str, stretched: float, rng: np.random.Generator) -> None:
+        side = np.linspace(0.0, 0.3, 5)
+        cloth: Cloth = grid_cloth(side, side[:4], FABRIC)
+        if layout == "mesh":
+            cloth = Cloth.from_mesh(cloth.positions, cloth.triangles, fabric=FABRIC)
+        scene = Scene(cloth, [Attachment(vertices=np.array([0, 4]), bone="hand")])
+        run = Run(scene, TRBDF2())
+        self.assembly, self.count = run.assembly, cloth.vertices
+        self.model = force_model(run.assembly, np.float64)
+        self.matrix = matrix_of(run.assembly, self.model, np.float64)
+        self.scratch = force_scratch(run.assembly, np.float64)[0]
+        self.rows = np.zeros((3, self.matrix.mass.size))
+        self.inverse = np.zeros((6, self.matrix.mass.size))
+        self.own = slice(self.matrix.front, self.matrix.front + self.count)
+        positions = stretched * run.positions + 0.002 * rng.standard_normal(run.positions.shape)
+        self.x = run.assembly.inwards(positions).T.copy()
+        state = State(*self.x.copy(), *np.zeros((3, self.count)))
+        stiffness.prepare(0, self.count, state, self.model, B, self.matrix, None, self.inverse, None)
+
+    def times(self, p: np.ndarray) -> np.ndarray:
+        vector, product = self.rows.copy(), self.rows.copy()
+        vector[:, self.own] = p
+        stiffness.multiply(0, self.count, self.model, self.matrix, B, np.zeros_like(self.rows), vector, product, None)
+        return product[:, self.own]
+
+    def dense(self) -> np.ndarray:
+        """The matrix, rows and columns by coordinate and vertex."""
+        unit = np.eye(3 * self.count).reshape(-1, 3, self.count)
+        return np.stack([self.times(p).ravel() for p in unit])
+
+    def forces(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        f = np.zeros((3, self.count))
+        compute_forces(0, self.count, State(*x.copy(), *v.copy()), self.model, *f, self.scratch, None)
+        return f
+
+
+@pytest.mark.parametrize("layout", ["grid", "mesh"])
+def test_the_matrix_is_the_derivative_of_the_forces_where_all_springs_are_stretched(layout: str, rng):
+    linear = Linear(layout, 1.2, rng)
+    step, columns = 1e-6, []
+    for unit in np.eye(3 * linear.count).reshape(-1, 3, linear.count):
+        # Velocities follow the positions as v = (x - xt) / b, from rest.
+        plus, minus = (linear.forces(linear.x + d * unit, d * unit / B) for d in (step, -step))
+        columns.append(((minus - plus) / (2 * step)).ravel())
+    expected = np.stack(columns) + np.diag(np.tile(linear.assembly.mass / B**2, 3))
+    # Central differences: rounding of forces near 10 N over 1e-6 m.
+    np.testing.assert_allclose(linear.dense(), expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("layout", ["grid", "mesh"])
+@pytest.mark.parametrize("stretched", [0.5, 1.2])
+def test_the_matrix_is_symmetric_and_positive_definite_also_compressed(layout: str, stretched: float, rng):
+    linear = Linear(layout, stretched, rng)
+    dense = linear.dense()
+    np.testing.assert_allclose(dense, dense.T, atol=1e-12 * np.abs(dense).max())
+    # M / b^2 is what a stiffness without negative directions leaves at least.
+    assert np.linalg.eigvalsh(dense).min() > 0.999 * linear.assembly.mass.min() / B**2
+
+
+@pytest.mark.parametrize("layout", ["grid", "mesh"])
+def test_the_preconditioner_inverts_each_vertex_s_own_block(layout: str, rng):
+    linear = Linear(layout, 1.1, rng)
+    dense = linear.dense().reshape(3, linear.count, 3, linear.count)
+    xx, yy, zz, xy, xz, yz = linear.inverse[:, linear.own]
+    for i in range(linear.count):
+        inverse = np.array([[xx[i], xy[i], xz[i]], [xy[i], yy[i], yz[i]], [xz[i], yz[i], zz[i]]])
+        expected = np.linalg.inv(dense[:, i, :, i]) if linear.assembly.free[i] else np.zeros((3, 3))
+        np.testing.assert_allclose(inverse, expected, atol=1e-12 * np.abs(inverse).max() + 1e-18)
+
+
+@pytest.mark.parametrize("layout", ["grid", "mesh"])
+def test_conjugate_gradients_solve_the_system_of_the_free_vertices(layout: str, rng):
+    linear = Linear(layout, 1.1, rng)
+    size, free = linear.matrix.mass.size, linear.assembly.free
+    vectors: Any = np.zeros((5, 3, size))
+    r = rng.standard_normal((3, linear.count)) * free
+    vectors[1][:, linear.own] = r
+    iterations, slope = conjugate_gradients.solve_linear(
+        0, linear.count, linear.model, linear.matrix, B, np.zeros((3, size)), linear.inverse, vectors,
+        np.zeros(size), np.zeros((3, 1)), 1e-12, 500, None,
+    )  # fmt: skip
+    kept = np.tile(free, 3)
+    expected = np.zeros(3 * linear.count)
+    expected[kept] = np.linalg.solve(linear.dense()[np.ix_(kept, kept)], r.ravel()[kept])
+    solution = vectors[0][:, linear.own]
+    np.testing.assert_allclose(solution.ravel(), expected, atol=1e-10 * np.abs(expected).max())
+    assert slope == pytest.approx(float(np.sum(solution * r)), rel=1e-10)
+    assert iterations < 100
+
+
+def test_sums_of_chunks(rng):
+    terms, sums = rng.standard_normal(192), np.zeros(3)
+    conjugate_gradients.sum_chunks(terms, sums)
+    np.testing.assert_allclose(sums, terms.reshape(3, 64).sum(axis=1), atol=1e-13)
+
+
+def test_bones_are_placed_at_any_time_of_the_frame(rng):
+    count, duration = 5, 0.1
+    turns = quaternions.normalize(rng.standard_normal((2, count, 4)))
+    turns[1][0] = turns[0][0]
+    places = rng.standard_normal((2, count, 3))
+    motion, room = Motion(places[0], turns[0], places[1], turns[1]), MotionRoom(*bones.blank_motion(count))
+    bones.start_motion(motion, room, duration, 1)
+    for share in (0.0, 0.3, 1.0):
+        stages.place_at(share * duration, motion, room)
+        np.testing.assert_allclose(room.positions, (1 - share) * places[0] + share * places[1], atol=1e-13)
+        along = quaternions.slerp(turns[0], turns[1], np.full(count, share))
+        np.testing.assert_allclose(room.matrices, quaternions.to_matrix(along), atol=1e-12)
+
+
+def test_a_nan_is_longer_than_all():
+    d = np.ones((3, 8))
+    assert stages.longest(d, 0, 8) == pytest.approx(np.sqrt(3))
+    d[1, 2] = np.nan
+    assert np.isnan(stages.longest(d, 0, 8))
+    assert stages.longest(d, 3, 8) == pytest.approx(np.sqrt(3))

@@ -1,0 +1,253 @@
+"""The kernels of meshes against slow loops over their formulas, on random meshes and arrays.
+
+They also run with the compiler off: NUMBA_DISABLE_JIT=1.
+"""
+
+import os
+import re
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from cape.assembly import mesh_links
+from cape.assembly.springs import Springs
+from cape.cloth.cloth import Cloth, MeshCloth
+from cape.kernels.cloth import mesh
+from cape.kernels.records import MeshAir, MeshBends, MeshSprings, State
+
+# A few dozen operations on numbers near one, and sums of some twenty of them.
+ROUNDING = {np.float32: 2e-5, np.float64: 4e-14}
+TAU, BEND_TAU = 0.1, 0.07
+
+
+class Sheet(NamedTuple):
+    """Random springs, hinges and motion on a mesh."""
+
+    cloth: MeshCloth
+    springs: Springs
+    positions: np.ndarray
+    velocities: np.ndarray
+
+    def state(self, dtype: type) -> State:
+        return State(*(np.ascontiguousarray(c, dtype) for c in (*self.positions.T, *self.velocities.T)))
+
+
+def sheet(seed: int = 0, rows: int = 11, columns: int = 17) -> Sheet:
+    """A grid of unit cells split along random diagonals, with a fan whose hub is the last vertex; crumpled."""
+    rng = np.random.default_rng(seed)
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    a, b, c, d = corner, corner + 1, corner + columns, corner + columns + 1
+    flip = rng.random(len(a))[:, None] < 0.5
+    halves = np.where(flip, np.stack([a, c, b], axis=1), np.stack([a, c, d], axis=1))
+    others = np.where(flip, np.stack([d, b, c], axis=1), np.stack([d, b, a], axis=1))
+    n = rows * columns
+    rim = np.arange(n, n + 40)
+    fan = np.stack([np.full(39, n + 40), rim[:-1], rim[1:]], axis=1)
+    around = np.linspace(0.0, 6.0, 40)
+    y, x = np.divmod(np.arange(float(n)), columns)
+    flat = np.concatenate([np.stack([x, y], 1), 30 + 3 * np.stack([np.cos(around), np.sin(around)], 1), [[30.0, 30.0]]])
+    triangles = rng.permutation(np.concatenate([halves, others, fan]))
+    cloth = Cloth.from_mesh(np.stack([flat[:, 0], 0 * flat[:, 0], flat[:, 1]], axis=1), triangles, pattern=flat)
+    hinges = np.stack([rng.choice(len(flat), 4, replace=False) for _ in range(150)])
+    pairs = np.unique(np.sort(np.concatenate([triangles[:, :2], triangles[:, 1:], triangles[:, ::2]]), axis=1), axis=0)
+    # One pair twice: two springs of different rest lengths between the same vertices.
+    first, second = np.concatenate([pairs, pairs[:1]]).T
+    coefficients = rng.standard_normal((len(hinges), 4))
+    springs = Springs(
+        first=first,
+        second=second,
+        stiffness=rng.uniform(1.0, 2.0, len(first)),
+        rest=rng.uniform(0.5, 1.5, len(first)),
+        measured=np.ones(len(first), bool),
+        bend_vertices=hinges,
+        bend_coefficients=coefficients - coefficients.mean(axis=1, keepdims=True),
+        bend_stiffness=rng.uniform(0.1, 0.2, len(hinges)),
+    )
+    noise = rng.standard_normal((2, cloth.vertices, 3))
+    return Sheet(cloth, springs, cloth.positions / 5 + 0.3 * noise[0], noise[1])
+
+
+def spring_forces(s: Sheet, tau: float) -> np.ndarray:
+    forces = np.zeros_like(s.positions)
+    springs = s.springs
+    for i, j, k, rest in zip(springs.first, springs.second, springs.stiffness, springs.rest, strict=True):
+        d, u = s.positions[j] - s.positions[i], s.velocities[j] - s.velocities[i]
+        length = np.linalg.norm(d)
+        force = k * (length - rest + tau * (u @ d) / length) * d / length
+        forces[i] += force
+        forces[j] -= force
+    return forces
+
+
+def bend_forces(s: Sheet, tau: float) -> np.ndarray:
+    forces = np.zeros_like(s.positions)
+    moved = s.positions + tau * s.velocities
+    hinges = zip(s.springs.bend_vertices, s.springs.bend_coefficients, s.springs.bend_stiffness, strict=True)
+    for vertices, c, k in hinges:
+        # E = 1/2 k |c p|^2, so f_a = -k c_a (c p), and the same of the velocities for damping.
+        forces[vertices] -= k * c[:, None] * (c @ moved[vertices])
+    return forces
+
+
+def records(s: Sheet, dtype: type) -> tuple[MeshSprings, MeshBends]:
+    n = s.cloth.vertices
+    return mesh_links.mesh_springs_record(s.springs, n, dtype), mesh_links.mesh_bends_record(s.springs, n, dtype)
+
+
+def computed(s: Sheet, dtype: type, *, bends: bool, damping: float | None, bend_damping: float | None) -> np.ndarray:
+    springs, bending = records(s, dtype)
+    forces = np.full((3, s.cloth.vertices), np.nan, dtype)
+    tau, bend_tau = (None if t is None else dtype(t) for t in (damping, bend_damping))
+    mesh.mesh_forces(
+        0, s.cloth.vertices, s.state(dtype), springs, bending if bends else None, tau, bend_tau, *forces, None
+    )
+    return forces.T
+
+
+@pytest.mark.parametrize(
+    ("dtype", "bends", "damping", "bend_damping"),
+    [
+        (np.float32, False, None, None),
+        (np.float32, False, TAU, None),
+        (np.float32, True, TAU, BEND_TAU),
+        (np.float64, True, None, None),
+        (np.float64, True, TAU, None),
+        (np.float64, True, None, BEND_TAU),
+    ],
+)
+def test_springs_and_bending(dtype: type, bends: bool, damping: float | None, bend_damping: float | None):
+    s = sheet()
+    expected = spring_forces(s, damping or 0.0) + (bend_forces(s, bend_damping or 0.0) if bends else 0.0)
+    forces = computed(s, dtype, bends=bends, damping=damping, bend_damping=bend_damping)
+    np.testing.assert_allclose(forces, expected, atol=ROUNDING[dtype] * np.abs(expected).max())
+
+
+def test_forces_are_minus_the_gradient_of_the_energy():
+    s = sheet(1)
+    springs = s.springs
+
+    def energy(positions: np.ndarray) -> float:
+        lengths = np.linalg.norm(positions[springs.second] - positions[springs.first], axis=1)
+        bend = np.einsum("km,kmi->ki", springs.bend_coefficients, positions[springs.bend_vertices])
+        return float(
+            springs.stiffness @ (lengths - springs.rest) ** 2 / 2 + springs.bend_stiffness @ (bend**2).sum(axis=1) / 2
+        )
+
+    forces = computed(s, np.float64, bends=True, damping=None, bend_damping=None)
+    direction, h = np.random.default_rng(2).standard_normal(s.positions.shape), 1e-5
+    change = (energy(s.positions + h * direction) - energy(s.positions - h * direction)) / (2 * h)
+    # Central difference: h^2 times a third derivative, and rounding of energies of some 1e3 over h.
+    assert change == pytest.approx(-np.sum(forces * direction), rel=1e-7)
+
+
+def test_inner_forces_have_no_sum_and_no_moment():
+    s = sheet(3)
+    forces = computed(s, np.float64, bends=True, damping=TAU, bend_damping=None)
+    np.testing.assert_allclose(forces.sum(axis=0), 0.0, atol=1e-11)
+    np.testing.assert_allclose(np.cross(s.positions, forces).sum(axis=0), 0.0, atol=1e-11)
+
+
+def air_record(s: Sheet, dtype: type) -> MeshAir:
+    density, drag, lift = 1.2, 1.1, 0.6
+    return mesh_links.mesh_air_record(
+        s.cloth, np.array([1.0, -2.0, 0.5]), density * drag / 12, density * lift / 12, dtype
+    )
+
+
+def test_air():
+    dtype = np.float64
+    s = sheet()
+    wind, density, drag, lift = np.array([1.0, -2.0, 0.5]), 1.2, 1.1, 0.6
+    expected = np.full(s.positions.shape, 0.25)
+    for corners in s.cloth.triangles:
+        a, b, c = s.positions[corners]
+        doubled = np.cross(b - a, c - a)
+        area, n = np.linalg.norm(doubled) / 2, doubled / np.linalg.norm(doubled)
+        u = wind - s.velocities[corners].mean(axis=0)
+        n = n if n @ u > 0 else -n
+        speed = np.linalg.norm(u)
+        force = density / 2 * area * (n @ u) * (drag * u + lift * (speed * n - (n @ u) / speed * u))
+        expected[corners] += force / 3
+    forces = np.full((3, s.cloth.vertices), 0.25, dtype)
+    mesh.mesh_air_forces(0, s.cloth.vertices, s.state(dtype), air_record(s, dtype), *forces, None)
+    np.testing.assert_allclose(forces.T, expected, atol=ROUNDING[dtype] * np.abs(expected).max())
+
+
+class Spread(NamedTuple):
+    """What the ranks of a team do one after the other: each phase for all before the next."""
+
+    springs: MeshSprings
+    bends: MeshBends
+    air: MeshAir
+    state: State
+
+    def forces(self, cuts: list[int]) -> np.ndarray:
+        s, springs, count = self.state, self.springs, self.state.x.size
+        forces = np.zeros((3, count), s.x.dtype)
+        ranks = list(pairwise(cuts))
+        f = s.x.dtype.type
+        for lo, hi in ranks:
+            mesh.pack(lo, hi, *s, springs.words)
+            mesh.pack(lo, hi, *s, self.air.words)
+        for lo, hi in ranks:
+            mesh.pull_all(lo, hi, s, springs, self.bends, f(TAU), f(BEND_TAU), *forces)
+        for lo, hi in ranks:
+            mesh.collect(lo, hi, springs.sorted_vertices, springs.start, springs.incoming, springs.forces, *forces)
+        for lo, hi in ranks:
+            mesh.push_all(lo, hi, s, self.air, *forces)
+        for lo, hi in ranks:
+            mesh.collect(lo, hi, self.air.sorted_vertices, self.air.start, self.air.incoming, self.air.forces, *forces)
+        return forces
+
+
+def test_the_same_bits_for_any_number_of_ranks():
+    dtype = np.float32
+    s = sheet(4, 20, 20)
+    n = s.cloth.vertices
+    spread = Spread(*records(s, dtype), air_record(s, dtype), s.state(dtype))
+    alone = spread.forces([0, n])
+    assert np.abs(alone).max() > 0
+    for cuts in ([0, 64, n], [0, 192, 256, n], [0, 128, 128, 384, n], [0, 64, 128, 192, 256, 320, 384, n, n]):
+        np.testing.assert_array_equal(spread.forces(cuts), alone)
+    together = np.zeros_like(alone)
+    mesh.mesh_forces(0, n, spread.state, spread.springs, spread.bends, dtype(TAU), dtype(BEND_TAU), *together, None)
+    mesh.mesh_air_forces(0, n, spread.state, spread.air, *together, None)
+    np.testing.assert_array_equal(together, alone)
+
+
+def test_links_are_shared_out_evenly():
+    s = sheet(5, 30, 30)
+    springs, _ = records(s, np.float64)
+    n = s.cloth.vertices
+    itself = np.arange(springs.second.size // springs.second.shape[1]).reshape(-1, 1, mesh.BLOCK)
+    present = springs.second != np.where(itself < n, itself, 0)
+    hinges = {tuple(sorted(p)) for h in s.springs.bend_vertices for i, p in enumerate_pairs(h)}
+    pairs = hinges | set(map(tuple, np.stack([s.springs.first, s.springs.second], axis=1).tolist()))
+    assert present.sum() == len(pairs)
+    # The hub of the fan has forty neighbours, who own its links.
+    assert springs.second.shape[1] == -(-len(pairs) // n)
+
+
+def enumerate_pairs(hinge: np.ndarray) -> list[tuple[int, tuple[int, int]]]:
+    return [(i, (int(a), int(hinge[j]))) for i, a in enumerate(hinge) for j in range(i + 1, 4)]
+
+
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="looks at what the compiler makes")
+def test_roots_are_taken_many_at_once():
+    from numba import njit, typeof
+
+    s = sheet(0, 5, 5)
+    springs, bends = records(s, np.float32)
+    state, one = s.state(np.float32), np.float32(1)
+    given = (0, 64, *state, springs.words, springs.second, springs.stiffness, springs.rest)
+    rest = (one, springs.room, springs.forces, state.x, state.y, state.z)
+    # Compiled anew, since a cached function has no code to show.
+    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+    loop: Any = njit(**options)(mesh.pull.py_func)
+    for absent in ((bends.weight, one, one), (None, one, None)):
+        signature = tuple(typeof(argument) for argument in (*given, *absent, *rest))
+        loop.compile(signature)
+        # x86-64 and AArch64: roots of several numbers.
+        assert re.search(r"\bv?sqrtps\b|\bfsqrt\s+v\d+\.4s", loop.inspect_asm(signature)), signature

@@ -1,0 +1,212 @@
+"""XPBD's kernels against the textbook's loop, in positions and one constraint after the other."""
+
+import numpy as np
+import pytest
+
+from cape.kernels.records import Constraints, GridConstraints, State
+from cape.kernels.xpbd import formulas, mesh, xpbd
+from cape.kernels.xpbd import grid as xpbd_grid
+
+STEP, TAU = 0.01, 0.02
+# A few dozen operations on numbers near one.
+ROUNDING = 1e-13
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(7)
+
+
+class Textbook:
+    """Macklin 2016: predicted positions p, eq. 17, and changes of the multipliers by eq. 26."""
+
+    def __init__(self, old: np.ndarray, velocity: np.ndarray, weights: np.ndarray) -> None:
+        self.old, self.weights = old, weights
+        self.p = old + STEP * velocity
+        self.multipliers: dict[object, float] = {}
+
+    def project(self, key: object, c: float, gradients: dict[int, np.ndarray], stiffness: float, tau: float) -> None:
+        """Solve the constraint C = c with a gradient for each of its vertices."""
+        alpha, gamma = 1 / (stiffness * STEP**2), tau / STEP
+        moved = sum(g @ (self.p[:, i] - self.old[:, i]) for i, g in gradients.items())
+        total = sum(self.weights[i] * g @ g for i, g in gradients.items())
+        change = (-c - alpha * self.multipliers.get(key, 0.0) - gamma * moved) / ((1 + gamma) * total + alpha)
+        self.multipliers[key] = float(self.multipliers.get(key, 0.0) + change)
+        for i, g in gradients.items():
+            self.p[:, i] += self.weights[i] * g * change
+
+    def stretch(self, i: int, j: int, stiffness: float, rest: float, tau: float) -> None:
+        d = self.p[:, j] - self.p[:, i]
+        length = float(np.linalg.norm(d))
+        if length > 0:
+            self.project((i, j), length - rest, {i: -d / length, j: d / length}, stiffness, tau)
+
+    def bend(self, vertices: list[int], coefficients: np.ndarray, stiffness: float, tau: float) -> None:
+        for axis in range(3):
+            along = np.eye(3)[axis]
+            c = sum(a * self.p[axis, i] for i, a in zip(vertices, coefficients, strict=True))
+            gradients = {i: a * along for i, a in zip(vertices, coefficients, strict=True)}
+            self.project((*vertices, axis), c, gradients, stiffness, tau)
+
+
+def prepared(
+    stiffness: np.ndarray, rest: np.ndarray | None, mobility: np.ndarray, tau: float, axes: int
+) -> Constraints:
+    """Constraints of several sweeps with their gains; `axes` is 1 for springs, 3 for bend springs."""
+    gain, slack = np.zeros_like(stiffness), np.zeros_like(stiffness)
+    formulas.set_gains(STEP, STEP + tau, stiffness.ravel(), mobility.ravel(), gain.reshape(-1), slack.reshape(-1))
+    shape = stiffness.shape if axes == 1 else (axes, *stiffness.shape)
+    return Constraints(stiffness, rest, mobility, gain, slack, np.zeros(shape))
+
+
+@pytest.mark.parametrize("sweeps", [1, 2])
+def test_springs_one_after_the_other(rng: np.random.Generator, sweeps: int):
+    n = 8
+    x, v = rng.standard_normal((3, n)), rng.standard_normal((3, n))
+    first, second = np.array([[0, 1, 5, 2, 6, 3], [1, 2, 6, 6, 7, 4]], dtype=np.uint32)
+    stiffness, rest, weights = 10 ** rng.uniform(2, 5, 6), rng.uniform(0.5, 1.5, 6), rng.uniform(1, 2, n)
+    weights[[2, 6]] = 0.0
+    # No length at all: it pulls nowhere.
+    x[:, 4], v[:, 4] = x[:, 3], v[:, 3]
+    book = Textbook(x, v, weights)
+    springs = prepared(stiffness, rest, weights[first] + weights[second], TAU, 1)
+    kept = (springs.slack, springs.impulse) if sweeps > 1 else (None, None)
+    u = v.copy()
+    for _ in range(sweeps):
+        mesh.stretch_listed(first, second, STEP, TAU, 1e-18, springs.gain, rest, *kept, weights, *x, *u)
+        for k in range(6):
+            book.stretch(int(first[k]), int(second[k]), stiffness[k], rest[k], TAU)
+    np.testing.assert_allclose(x + STEP * u, book.p, atol=ROUNDING)
+    np.testing.assert_array_equal(u[:, [2, 6]], v[:, [2, 6]])
+    assert np.isfinite(u).all()
+
+
+@pytest.mark.parametrize("sweeps", [1, 2])
+def test_bends_one_after_the_other(rng: np.random.Generator, sweeps: int):
+    n = 7
+    x, v = rng.standard_normal((3, n)), rng.standard_normal((3, n))
+    vertices = np.array([[0, 1, 2, 3], [3, 1, 4, 5], [6, 2, 0, 5]], dtype=np.uint32)
+    coefficients, stiffness = rng.standard_normal((3, 4)), 10 ** rng.uniform(1, 4, 3)
+    weights = rng.uniform(1, 2, n)
+    weights[4] = 0.0
+    book = Textbook(x, v, weights)
+    bends = prepared(stiffness, None, (coefficients**2 * weights[vertices]).sum(axis=1), TAU, 3)
+    assert bends.impulse is not None
+    kept = (bends.slack, *bends.impulse) if sweeps > 1 else (None,) * 4
+    u = v.copy()
+    for _ in range(sweeps):
+        mesh.bend_listed(vertices, coefficients, STEP + TAU, bends.gain, *kept, weights, *x, *u)
+        for k in range(3):
+            book.bend(vertices[k].tolist(), coefficients[k], stiffness[k], TAU)
+    np.testing.assert_allclose(x + STEP * u, book.p, atol=ROUNDING)
+
+
+ROWS, COLUMNS, HANDS = 8, 5, 3
+PLACES = -(-ROWS // HANDS)
+LEANS = {"across": (0, 1), "down": (1, 0), "diagonal": (1, 1), "anti": (1, -1)}
+
+
+def order_of(family: str, hand: int) -> list[tuple[int, int]]:
+    """First vertices (row, column) of a family that start in a hand, in the order in which they are solved."""
+    down, right = LEANS[family]
+    starts = [
+        (row, column)
+        for row in range(hand, ROWS - down, HANDS)
+        for column in range(COLUMNS)
+        if 0 <= column + right < COLUMNS
+    ]
+    if family == "across":
+        starts.sort(key=lambda s: (s[0] // HANDS * COLUMNS + s[1]) % 2)
+    return starts
+
+
+def textbook_sweep(book: Textbook, stiffness: dict[str, np.ndarray], rest: dict[str, np.ndarray], bend: np.ndarray):
+    """All constraints of the grid in the order of its phases; bend springs are as stiff in both directions."""
+
+    def springs(family: str, hand: int) -> None:
+        down, right = LEANS[family]
+        for row, column in order_of(family, hand):
+            i = row * COLUMNS + column
+            book.stretch(i, i + down * COLUMNS + right, stiffness[family][i], rest[family][i], TAU)
+
+    def bends(hand: int, down: int, right: int) -> None:
+        starts = [(r, c) for r in range(hand, ROWS - 2 * down, HANDS) for c in range(COLUMNS - 2 * right)]
+        if right:
+            starts.sort(key=lambda s: (s[0] // HANDS * COLUMNS + s[1]) % 3)
+        for row, column in starts:
+            i, offset = row * COLUMNS + column, down * COLUMNS + right
+            book.bend([i, i + offset, i + 2 * offset], np.array([1.0, -2.0, 1.0]), bend[i], 2 * TAU)
+
+    for hand in range(HANDS):
+        springs("across", hand)
+        bends(hand, 0, 1)
+    for hand in range(HANDS):
+        if hand == 2:
+            bends(0, 1, 0)
+        for family in ("down", "diagonal", "anti"):
+            springs(family, hand)
+    bends(1, 1, 0)
+    bends(2, 1, 0)
+
+
+def dealt(values: np.ndarray) -> np.ndarray:
+    result = np.zeros((HANDS, PLACES * COLUMNS))
+    for i, value in enumerate(values):
+        row, column = divmod(i, COLUMNS)
+        result[row % HANDS, row // HANDS * COLUMNS + column] = value
+    return result
+
+
+def test_a_grid_is_solved_in_the_order_of_its_phases(rng: np.random.Generator):
+    n = ROWS * COLUMNS
+    row, column = np.divmod(np.arange(n), COLUMNS)
+    x = np.stack([column, row, 0 * row]) + 0.3 * rng.standard_normal((3, n))
+    v, weights = rng.standard_normal((3, n)), rng.uniform(1, 2, n)
+    weights[:COLUMNS] = 0.0
+    stiffness, rest = {}, {}
+    families: list[Constraints] = []
+    for name, (down, right) in LEANS.items():
+        inside = (row + down < ROWS) & (column + right >= 0) & (column + right < COLUMNS)
+        stiffness[name], rest[name] = np.where(inside, 10 ** rng.uniform(2, 5, n), 0.0), rng.uniform(0.5, 1.5, n)
+        mobility = weights + np.roll(weights, -(down * COLUMNS + right))
+        families.append(prepared(dealt(stiffness[name]), dealt(rest[name]), dealt(mobility), TAU, 1))
+    bend = 10 ** rng.uniform(2, 5, n)
+    for offset, inside in ((1, column + 2 < COLUMNS), (COLUMNS, row + 2 < ROWS)):
+        mobility = weights + 4 * np.roll(weights, -offset) + np.roll(weights, -2 * offset)
+        families.append(prepared(dealt(np.where(inside, bend, 0.0)), None, dealt(mobility), 2 * TAU, 3))
+    room = np.zeros((2, HANDS, 3, PLACES * COLUMNS))
+    state = State(*(p.copy() for p in (*x, *v)))
+    grid = GridConstraints(COLUMNS, dealt(weights), room[0], room[1], *families)
+    xpbd_grid.solve_grid(state, grid, 2, STEP, TAU, 2 * TAU, None)
+    book = Textbook(x, v, weights)
+    for _ in range(2):
+        textbook_sweep(book, stiffness, rest, bend)
+    moved = np.stack(state[:3]) + STEP * np.stack(state[3:])
+    np.testing.assert_allclose(moved, book.p, atol=10 * ROUNDING)
+    np.testing.assert_array_equal(np.stack(state[:3]), x)
+
+
+def test_one_spring_is_implicit_euler(rng: np.random.Generator):
+    stiffness, mass, rest, start, speed = 300.0, 0.2, 0.5, 0.6, 0.3
+    x, v = np.zeros((3, 2)), np.zeros((3, 2))
+    x[2, 1], v[2, 1] = start, speed
+    springs = prepared(np.array([stiffness]), np.array([rest]), np.array([1 / mass]), TAU, 1)
+    ends = np.array([[0], [1]], dtype=np.uint32)
+    mesh.stretch_listed(
+        *ends, STEP, TAU, 1e-18, springs.gain, springs.rest, None, None, np.array([0.0, 1 / mass]), *x, *v
+    )
+    # m (v1 - v0) = -h k (x0 + h v1 - l0 + tau v1).
+    pull = STEP * stiffness
+    expected = (mass * speed - pull * (start - rest)) / (mass + pull * (STEP + TAU))
+    assert v[2, 1] == pytest.approx(expected, rel=1e-14)
+
+
+def test_what_comes_before_and_after_the_constraints(rng: np.random.Generator):
+    x, v, f, w = rng.standard_normal((3, 6)), rng.standard_normal((3, 6)), rng.standard_normal((3, 6)), np.arange(6.0)
+    u, forces, p = v.copy(), f.copy(), x.copy()
+    xpbd.blow(STEP, w, *forces, *u)
+    xpbd.fall(0.1, 0.2, -0.3, *u)
+    np.testing.assert_allclose(u, v + STEP * w * f + np.array([[0.1], [0.2], [-0.3]]), atol=ROUNDING)
+    np.testing.assert_array_equal(forces, 0.0)
+    xpbd.drift(STEP, *p, *u)
+    np.testing.assert_allclose(p, x + STEP * u, atol=ROUNDING)

@@ -1,0 +1,1 @@
+"""Tests of simulations and of what is read off them."""

@@ -1,0 +1,1 @@
+"""Tests of cloth, scenes and their arrays."""

@@ -1,0 +1,99 @@
+"""A character's own cape, and the floor under its motion."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cape
+import motions
+from cape.assembly import putting_on
+from cape.scene.floor import floor_under
+from cape.scene.poses import poses_of, read_pose
+from motions import quaternions
+from motions.errors import UnknownNameError
+from skeleton import BoneTrack, Capsule, Skeleton
+
+
+def track_of(heights: np.ndarray) -> BoneTrack:
+    """One upright bone at the given heights [m]."""
+    positions = np.zeros((len(heights), 1, 3))
+    positions[:, 0, 2] = heights
+    rotations = np.zeros((len(heights), 1, 4))
+    rotations[..., 0] = 1.0
+    return BoneTrack(("foot",), np.arange(len(heights)) / 60.0, positions, rotations)
+
+
+def test_the_floor_lies_under_the_lowest_capsule_but_for_rare_frames():
+    heights = np.full(100, 0.5)
+    heights[10] = -3.0
+    capsule = Capsule("foot", "foot", np.array([0.0, 0.0, 0.1]), np.array([0.0, 0.0, -0.2]), 0.05)
+    # 0.5 m up, 0.2 m down to the lower end, 0.05 m of radius; one frame of a hundred is rarer than 2 %.
+    assert floor_under([capsule], track_of(heights)).point == pytest.approx([0.0, 0.0, 0.25], abs=1e-12)
+
+
+def test_a_floor_without_a_body_is_at_zero():
+    assert floor_under([cape.Sphere(radius=1.0)], track_of(np.full(3, 5.0))).point[2] == 0.0
+
+
+@pytest.fixture(scope="module")
+def walker():
+    clip = motions.load("walk")
+    body = Skeleton.from_clip(clip)
+    return body, body.track(clip)
+
+
+def test_a_cape_comes_with_the_floor_under_the_motion(walker):
+    body, track = walker
+    (floor,) = (c for c in cape.dress(body, track).colliders if isinstance(c, cape.Plane))
+    # The clip's own floor is at 0; at most the whole thickness of a foot's capsule may reach below the soles.
+    foot = next(c for c in body.capsules() if c.name == "left_foot")
+    assert -2.0 * foot.radius < floor.point[2] < 0.0
+
+
+def test_a_cape_follows_the_bodys_measures(walker):
+    body, track = walker
+    clip = motions.load("walk", height=0.5 * body.height())
+    small = Skeleton.from_clip(clip)
+    big_cloth, small_cloth = cape.dress(body, track).cloth, cape.dress(small, small.track(clip)).cloth
+    assert small_cloth.vertices == big_cloth.vertices
+    np.testing.assert_allclose(2.0 * small_cloth.pattern, big_cloth.pattern, rtol=0.01, atol=1e-3)
+
+
+def test_a_motion_without_shoulders_is_refused_by_name(walker):
+    body, track = walker
+    without = replace(track, roles={r: b for r, b in track.roles.items() if r != "left_shoulder"})
+    with pytest.raises(UnknownNameError, match="left_shoulder"):
+        cape.dress(body, without)
+
+
+def test_a_floor_lies_under_solids_of_any_kind():
+    track = track_of(np.full(5, 1.0))
+    down = np.array([0.0, 0.0, -0.3])
+    tapered = cape.TaperedCapsule(name="a", bone="foot", end=down, start_radius=0.2, end_radius=0.1)
+    assert floor_under([tapered], track).point[2] == pytest.approx(1.0 - 0.3 - 0.1)
+    sphere = cape.Sphere(name="b", bone="foot", center=down / 3, radius=0.2)
+    assert floor_under([sphere], track).point[2] == pytest.approx(1.0 - 0.1 - 0.2)
+    # A cube that stands on a corner reaches down by half of its diagonal.
+    turn = quaternions.from_rotation_vector(np.arccos(1 / np.sqrt(3)) * np.array([1.0, -1.0, 0.0]) / np.sqrt(2))
+    cube = cape.Box(name="c", bone="foot", half_sizes=np.full(3, 0.1), rotation_wxyz=turn)
+    assert floor_under([cube, tapered, sphere], track).point[2] == pytest.approx(1.0 - 0.3 - 0.1)
+    assert floor_under([cube], track).point[2] == pytest.approx(1.0 - 0.1 * np.sqrt(3))
+
+
+@pytest.mark.parametrize(("radius", "lifted"), [(0.27, True), (0.38, False)])
+def test_a_neckline_clears_a_trunk_upwards_or_else_backwards(walker, radius, lifted):
+    body, track = walker
+    ball = cape.Sphere(name="trunk", bone=body.role("chest"), radius=radius)
+    scene = replace(cape.dress(body, track, colliders=[ball]), attachments=[])
+    pose = read_pose(poses_of(track.first(1), scene.bones)[0], scene.bones)
+    assert scene.cloth.neckline is not None
+    count = len(scene.cloth.neckline)
+    worn, start = putting_on.places_lifted(scene, pose, scene.cloth.positions), putting_on.placed(scene, pose)
+    ahead, _, up = putting_on._wearer(scene, pose)[0].T
+    shift = (worn - putting_on.places_worn(scene, pose, start))[:count]
+    assert np.ptp(shift, axis=0).max() < 1e-12
+    chest = scene.bones.index(ball.bone)
+    assert np.linalg.norm(worn[:count] - pose.positions[chest], axis=1).min() >= radius + scene.thickness
+    assert (abs(shift[0] @ ahead) < 1e-12) == lifted
+    assert shift[0] @ up >= 0.0 >= shift[0] @ ahead - 1e-12
