@@ -12,7 +12,7 @@ from cape.bench.machine import machine, versions
 from cape.kernels import jit
 from cape.report.cases import CASES
 from cape.report.compile import compile_all
-from cape.report.measured import resolution as spacings
+from cape.report.measured import resolution
 from cape.report.measured.energy import LONGEST, Account, accounts
 from cape.report.measured.resolution import Row as SpaceRow
 from cape.report.measured.stability import Outcome, stress
@@ -161,22 +161,22 @@ def run(
 
 def _space(plan: Plan, parts: "_Parts", told: Told) -> list[SpaceRow]:
     """Measure one cape at all spacings of the plan, the reference first."""
-    wanted = [(solver, h) for solver in spacings.MEASURED if solver in plan.solvers for h in plan.spacings]
+    wanted = [(solver, h) for solver in resolution.MEASURED if solver in plan.solvers for h in plan.spacings]
     if not wanted:
         return []
-    reference = spacings.REFERENCE, min(plan.spacings)
-    found: dict[tuple[str, float], spacings.Measured] = {}
+    reference = resolution.REFERENCE, min(plan.spacings)
+    found: dict[tuple[str, float], resolution.Measured] = {}
     every = dict.fromkeys([reference, *wanted])
     advance = told("spacings", len(every))
     for solver, spacing in every:
         part = f"{solver} at {100.0 * spacing:g} cm"
         known = parts.read(part)
         if known is None:
-            known = spacings.measure(solver, spacing, repeats=plan.repeats).as_json()
+            known = resolution.measure(solver, spacing, repeats=plan.repeats).as_json()
             parts.write(part, known)
-        found[solver, spacing] = spacings.Measured.from_json(known)
+        found[solver, spacing] = resolution.Measured.from_json(known)
         advance()
-    return spacings.rows_of([found[each] for each in wanted], found[reference])
+    return resolution.rows_of([found[each] for each in wanted], found[reference])
 
 
 def _energy(plan: Plan, parts: "_Parts", told: Told) -> list[Account]:
