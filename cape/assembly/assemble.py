@@ -5,23 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.contact import contacts_of, for_another_thread
+from cape.assembly.contact import Contacts, contacts_of, for_another_thread
 from cape.assembly.springs import Springs, springs_of
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
-from cape.kernels.bones import blank_motion
+from cape.kernels.bones import MotionRoom
 from cape.kernels.cloth.grid import MOST_COLUMNS, GridRoom, grid_room
-from cape.kernels.records import (
-    Attached,
-    Contacts,
-    ForceModel,
-    GridAir,
-    GridBends,
-    GridSprings,
-    Inertia,
-    MotionRoom,
-    Skin,
-)
 from cape.kernels.self_contact.self_contact import Layers
+from cape.kernels.solve.attachments import Attached
+from cape.kernels.state import Inertia
 from cape.scene.scene import Scene
 from motions.errors import ValueRangeError
 
@@ -50,7 +41,6 @@ class Assembly:
         free: False for attached vertices, shape (N,).
         attached: what bones hold; its points change while the cloth is put on. None when nothing is attached.
         wind: velocity of the air [m/s], shape (3,), in place: it changes while the cloth is put on.
-        collider_order: for each kind of collider that the scene has, their indices into `scene.colliders`.
         ranks: for each thread of a run.
     """
 
@@ -63,12 +53,11 @@ class Assembly:
     free: NDArray[np.bool_]
     attached: Attached | None
     wind: FloatArray
-    collider_order: tuple[list[int], ...]
     ranks: tuple[Rank, ...]
 
     @property
     def contacts(self) -> Contacts:
-        """The colliders by kind."""
+        """What the cloth can't enter, as the first thread notes it."""
         return self.ranks[0].contacts
 
     @property
@@ -108,7 +97,7 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
     free = np.ones(cloth.vertices, dtype=bool)
     for indices in vertices:
         free[indices] = False
-    contacts, order_of_colliders = contacts_of(scene, cloth, free)
+    contacts = contacts_of(scene, cloth, free)
     return Assembly(
         scene=scene,
         cloth=cloth,
@@ -119,9 +108,8 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
         free=free,
         attached=_attached(scene, vertices),
         wind=np.array((0.0, 0.0, 0.0) if scene.wind is None else scene.wind.velocity, dtype=float),
-        collider_order=order_of_colliders,
         ranks=tuple(
-            Rank(for_another_thread(contacts) if rank else contacts, MotionRoom(*blank_motion(len(scene.bones) + 1)))
+            Rank(for_another_thread(contacts) if rank else contacts, MotionRoom.blank(len(scene.bones) + 1))
             for rank in range(threads)
         ),
     )
@@ -135,45 +123,6 @@ def inertia_of(assembly: Assembly, dtype: type[np.floating]) -> Inertia:
         free=assembly.free.astype(dtype),
         gravity=np.array(assembly.scene.gravity, dtype=float),
     )
-
-
-def force_model(assembly: Assembly, dtype: type[np.floating]) -> ForceModel:
-    """Springs and air in a solver's precision; None for what the scene lacks."""
-    fabric, springs, cloth = assembly.cloth.fabric, assembly.springs, assembly.cloth
-    has_bends = len(springs.bend_stiffness) > 0
-    model = air_model(assembly, dtype)._replace(
-        damping=fabric.damping_time or None, bend_damping=(fabric.bend_damping_time or None) if has_bends else None
-    )
-    if isinstance(cloth, GridCloth):
-        families = springs.families
-        if families is None:
-            raise TypeError("the springs of a grid come by family")
-        bends = GridBends(families.bend_offsets, families.bend_stiffness.astype(dtype)) if has_bends else None
-        grid = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
-        return model._replace(grid=grid, grid_bends=bends)
-    from cape.assembly.mesh_links import mesh_bends_record, mesh_springs_record
-
-    bends = mesh_bends_record(springs, cloth.vertices, dtype) if has_bends else None
-    return model._replace(mesh=mesh_springs_record(springs, cloth.vertices, dtype), mesh_bends=bends)
-
-
-def air_model(assembly: Assembly, dtype: type[np.floating]) -> ForceModel:
-    """The air alone, without springs; nothing but None where the scene has no wind."""
-    cloth, wind = assembly.cloth, assembly.scene.wind
-    model = ForceModel(*(None,) * len(ForceModel._fields))
-    if wind is None:
-        return model
-    if wind.viscous > 0.0:
-        areas = assembly.mass / cloth.fabric.density
-        model = model._replace(skin=Skin(assembly.wind, (wind.viscous * areas).astype(dtype)))
-    air = (assembly.wind, wind.density * wind.drag / 12.0, wind.density * wind.lift / 12.0)
-    if isinstance(cloth, GridCloth):
-        cells = np.zeros((cloth.rows, cloth.columns), dtype=dtype)
-        cells[:-1, :-1] = 1.0
-        return model._replace(grid_air=GridAir(*air, cells.ravel(), cloth.columns))
-    from cape.assembly.mesh_links import mesh_air_record
-
-    return model._replace(mesh_air=mesh_air_record(cloth, *air, dtype))
 
 
 def force_scratch(assembly: Assembly, dtype: type[np.floating]) -> tuple[GridRoom | None, ...]:

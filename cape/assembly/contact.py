@@ -1,20 +1,24 @@
-"""From colliders to the records that kernels work on: a line in `KINDS` for each kind of shape."""
+"""From colliders to the records that kernels work on."""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.self_contact import layers_of
 from cape.cloth.cloth import Cloth, MeshCloth, areas
-from cape.kernels.contact import shapes
+from cape.kernels import store
+from cape.kernels.contact import distance, shapes
 from cape.kernels.contact.faces import CHUNK, GROUP, SEEN
-from cape.kernels.contact.shapes import COLLIDER, Faces, Shapes
-from cape.kernels.contact.watch import TILE
-from cape.kernels.records import Contacts
+from cape.kernels.contact.shapes import COLLIDER, Colliders, Faces, Points
+from cape.kernels.contact.watch import NEVER, TILE
+from cape.kernels.jit import COMPILER_OFF, formula_of
+from cape.kernels.linking import Linker
+from cape.kernels.packing import Packed
+from cape.kernels.self_contact.self_contact import Layers, Pressure
 from cape.scene.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
 from cape.scene.scene import Scene
 from motions import quaternions
@@ -63,83 +67,118 @@ def _plane(collider: Plane) -> Layout:
     return Layout(collider.point, _along(collider.normal)[0], (), math.inf, math.inf)
 
 
-KINDS: dict[type[Shapes], dict[type[Collider], Callable[..., Layout]]] = {
-    shapes.Capsules: {Capsule: _capsule, Sphere: _sphere},
-    shapes.TaperedCapsules: {TaperedCapsule: _tapered_capsule},
-    shapes.Boxes: {Box: _box},
-    shapes.Planes: {Plane: _plane},
+LAYOUTS: dict[type[Collider], Callable[..., Layout]] = {
+    Capsule: _capsule,
+    Sphere: _sphere,
+    TaperedCapsule: _tapered_capsule,
+    Box: _box,
+    Plane: _plane,
 }
-"""For each kind of record the colliders that become one, in the order in which contact is made."""
+DISTANCES: dict[type[Collider], Callable[..., Any]] = {
+    Capsule: distance.to_capsule,
+    Sphere: distance.to_capsule,
+    TaperedCapsule: distance.to_tapered_capsule,
+    Box: distance.to_box,
+    Plane: distance.to_plane,
+}
+
+
+class Contacts(NamedTuple):
+    """What the cloth can't enter, and which vertices (N,) are `free`: False for attached ones.
+
+    `colliders` is None where there are none, `faces` is what could poke through between vertices, None where nothing
+    could. `layers` is what keeps the cloth off itself, `pressure` what acts between them, None where nothing does.
+    `settled` (1,) is the last turn in which triangles left nothing to do for vertices.
+    """
+
+    free: NDArray[np.bool_]
+    colliders: Colliders | None
+    faces: Faces | None
+    layers: Layers | None
+    pressure: Pressure | None
+    settled: NDArray[np.int64]
 
 
 STRETCHED = 1.05  # triangles, as they are compared with colliders
 
 
-def contacts_of(scene: Scene, cloth: Cloth, free: NDArray[np.bool_]) -> tuple[Contacts, tuple[list[int], ...]]:
-    """The colliders of a scene by kind, and for each kind their indices into `scene.colliders`.
+def contacts_of(scene: Scene, cloth: Cloth, free: NDArray[np.bool_]) -> Contacts:
+    """The colliders of a scene, in its order.
 
     `cloth` is the scene's cloth as the solver numbers it, `free` (V,) which of its vertices no bone holds.
     """
-    groups, orders, faces = [], [], []
     tiles = -(-len(free) // TILE)
     shared = {"spreads": np.zeros((tiles, 3)), "alarm": np.zeros(tiles + 1, dtype=np.int64)}
-    for record, makers in _kinds_for(scene).items():
-        order = [i for i, collider in enumerate(scene.colliders) if type(collider) in makers]
-        if not order:
-            continue
-        colliders = [scene.colliders[i] for i in order]
-        layouts = [makers[type(c)](c) for c in colliders]
-        group = _group(record, scene, colliders, layouts, shared)
-        groups.append(group)
-        orders.append(order)
-        if (found := _faces(group, layouts, cloth)) is not None:
-            faces.append(found)
+    colliders = faces = None
+    if scene.colliders:
+        layouts = [LAYOUTS[type(collider)](collider) for collider in scene.colliders]
+        colliders = _colliders(scene, layouts, shared)
+        faces = _faces(colliders, layouts, cloth)
     layers = layers_of(scene, cloth, **shared)
     pressure = None if layers is None else layers.pressure
-    return Contacts(free, tuple(groups) or None, tuple(faces) or None, layers, pressure), tuple(orders)
+    return Contacts(free, colliders, faces, layers, pressure, np.full(1, NEVER, np.int64))
 
 
-def _kinds_for(scene: Scene) -> dict[type[Shapes], dict[type[Collider], Callable[..., Layout]]]:
-    """`KINDS`; where there are tapered capsules, all round colliders are records of theirs.
+def link_distances(scene: Scene, colliders: Colliders, faces: Faces | None, linker: Linker) -> None:
+    """Have the addresses of the distances of a scene's shapes put into the records of its colliders."""
+    points = Packed(colliders.points).kind
+    for kind in dict.fromkeys(map(type, scene.colliders)):
+        rows = np.array([type(collider) is kind for collider in scene.colliders])
+        formula = formula_of(DISTANCES[kind])
+        numbers = ("float",) * 4
+        wanted = {
+            "nearest": (formula, ("float",) * 7),
+            "gaps": (shapes.gaps.around(formula), (points, "int", "float", *numbers)),
+        }
+        if faces is not None and colliders.records.thin[rows].any():
+            wanted["planes"] = (shapes.planes.around(formula), (points, "int", *numbers))
+        for field, (function, kinds) in wanted.items():
+            put = _putter(colliders.records, field, rows)
+            if COMPILER_OFF:
+                put(len(shapes.numbered))
+                shapes.numbered.append(function)
+            else:
+                linker.want(store.Request(function, kinds), put)
 
-    Only colliders of one kind see that they pinch cloth between them.
-    """
-    if not any(isinstance(collider, TaperedCapsule) for collider in scene.colliders):
-        return KINDS
-    round_ones = KINDS[shapes.Capsules] | KINDS[shapes.TaperedCapsules]
-    others = {record: makers for record, makers in KINDS.items() if record is not shapes.Capsules}
-    return others | {shapes.TaperedCapsules: round_ones}
+
+def _putter(records: Any, field: str, rows: NDArray[np.bool_]) -> Callable[[int], None]:
+    def put(address: int) -> None:
+        records[field][rows] = address
+
+    return put
 
 
 def for_another_thread(contacts: Contacts) -> Contacts:
     """The same contacts with notes of a thread's own, where not each vertex has its own."""
-    if contacts.groups is None:
+    if contacts.colliders is None:
         return contacts
-    own = ("colliders", "active", "clock", "hot", "gaps", "touches", "before")
-    groups = tuple(g._replace(**{name: getattr(g, name).copy() for name in own}) for g in contacts.groups)
-    return contacts._replace(groups=groups)
+    own = ("records", "active", "clock", "hot", "touches", "before")
+    copies = {name: getattr(contacts.colliders, name).copy() for name in own}
+    return contacts._replace(colliders=contacts.colliders._replace(points=_points(TILE), **copies))
 
 
-def _group(
-    record: type[Shapes], scene: Scene, colliders: Sequence[Collider], layouts: Sequence[Layout], shared: dict[str, Any]
-) -> Shapes:
-    count, tiles = len(colliders), len(shared["spreads"])
+def _points(count: int) -> Points:
+    return Points(*np.zeros((7, count)))
+
+
+def _colliders(scene: Scene, layouts: Sequence[Layout], shared: dict[str, Any]) -> Colliders:
+    count, tiles = len(layouts), len(shared["spreads"])
     rows = np.zeros(count, COLLIDER).view(np.recarray)
-    for row, collider, layout in zip(rows, colliders, layouts, strict=True):
+    for row, collider, layout in zip(rows, scene.colliders, layouts, strict=True):
         # The world comes after the last bone.
         row.bone = len(scene.bones) if collider.bone is None else scene.bones.index(collider.bone)
         row.origin, row.frame, row.core = layout.origin, layout.rotation, layout.core
         row.sizes = (*layout.sizes, 0.0, 0.0, 0.0, 0.0)[:4]
         row.thickness = scene.thickness if collider.thickness is None else collider.thickness
         row.friction = scene.friction if collider.friction is None else collider.friction
-    return record(
-        colliders=rows,
+    return Colliders(
+        records=rows,
         active=np.zeros(count + 1, dtype=np.int64),
         clock=np.zeros(2, dtype=np.int64),
         wake=np.zeros((tiles, count), dtype=np.int64),
         next=np.zeros(tiles, dtype=np.int64),
         hot=np.zeros(count + 1, dtype=np.int64),
-        gaps=np.zeros(TILE),
+        points=_points(TILE),
         touches=np.zeros(TILE, dtype=np.int64),
         between=np.ones(tiles, dtype=bool),
         before=np.zeros((6, TILE)),
@@ -148,18 +187,18 @@ def _group(
     )
 
 
-def _faces(group: Shapes, layouts: Sequence[Layout], cloth: Cloth) -> Faces | None:
-    """Those triangles and colliders of a kind of which the colliders could poke through, None where there are none.
+def _faces(colliders: Colliders, layouts: Sequence[Layout], cloth: Cloth) -> Faces | None:
+    """Those triangles and colliders of which the colliders could poke through, None where there are none.
 
     Vertices at the thickness t of a surface that is curved by r hold a triangle off it whose points are at most p from
     the nearest corner, where (r + t)^2 - p^2 >= r^2.
     """
     reach = STRETCHED * _cover(cloth)
-    curvature, thickness = np.array([layout.curvature for layout in layouts]), group.colliders.thickness
+    curvature, thickness = np.array([layout.curvature for layout in layouts]), colliders.records.thickness
     flat = np.isinf(curvature)
     held = np.where(flat, np.inf, thickness * (2.0 * np.where(flat, 0.0, curvature) + thickness))
-    group.colliders.thin = held < reach.max() ** 2
-    if not group.colliders.thin.any():
+    colliders.records.thin = held < reach.max() ** 2
+    if not colliders.records.thin.any():
         return None
     corners = cloth.triangles[reach**2 > held.min()].astype(np.int64)
     corners = corners[np.argsort(corners.min(axis=1), kind="stable")]
@@ -167,15 +206,15 @@ def _faces(group: Shapes, layouts: Sequence[Layout], cloth: Cloth) -> Faces | No
     place = np.arange(len(corners)) - np.searchsorted(tile, tile)
     starts = np.flatnonzero(place % GROUP == 0)
     return Faces(
-        shapes=group,
         corners=np.ascontiguousarray(corners.T.astype(np.uint32)),
         starts=np.append(starts, len(corners)),
         tiles=tile[starts],
         longest=STRETCHED * _longest_edge(cloth),
-        wake=np.zeros((len(starts), len(group.colliders)), np.int64),
+        wake=np.zeros((len(starts), len(layouts)), np.int64),
         next=np.zeros(len(starts), np.int64),
         due=np.zeros(-(-len(starts) // CHUNK), np.int64),
-        seen=np.zeros(SEEN),
+        middles=_points(GROUP),
+        seen=np.zeros((SEEN, GROUP)),
         haste=np.zeros(1),
         pushed=np.zeros(1, np.int64),
     )

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth
-from cape.kernels.cloth.mesh import BLOCK, ENDS, SLICE
+from cape.kernels.cloth.mesh import BLOCK, ENDS, SLICE, MeshAir, MeshBends, MeshSprings
 from cape.kernels.cloth.sharing import share_items
-from cape.kernels.records import MeshAir, MeshBends, MeshSprings
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

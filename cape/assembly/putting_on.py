@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
-from cape.kernels.records import Attached
+from cape.kernels.solve.attachments import Attached
 from cape.scene.attachments import Attachment
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene

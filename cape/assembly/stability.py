@@ -3,44 +3,104 @@
 import hashlib
 import math
 from collections import OrderedDict
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.springs import Springs
 from cape.cloth.fabric import Fabric
-from cape.kernels.cloth.stability import largest_bend_row, power_method
 
 FloatArray = NDArray[np.float64]
 
-ITERATIONS = 150  # of the power method; its estimate then lies within 2 % below the largest frequency
+STEPS = 60  # of Lanczos' method at most; some 30 are usual
+SETTLED = 1e-4  # relative change of the largest frequency's square in `BETWEEN` steps at which it is known
+BETWEEN = 5
 REMEMBERED = 64  # largest steps, of the cloths that came last
 
 _known: OrderedDict[bytes, float] = OrderedDict()
 
 
 def largest_frequency(springs: Springs, inverse_mass: FloatArray, positions: FloatArray | None) -> float:
-    """Estimate the largest angular frequency of a spring network [rad/s], by the power method.
+    """Estimate the largest angular frequency of a spring network [rad/s], by Lanczos' method.
 
     `inverse_mass` [1/kg] has shape (N,), zero for attached vertices; `positions` [m], shape (N, 3), give the springs'
     directions u. The matrix is M^-1/2 K M^-1/2 with K the linearised stiffness at rest, springs k u u^T and bend
     springs. Without positions it is one that bounds all others: a spring at length L times its rest length resists with
     k (u u^T + (1 - 1 / L) (1 - u u^T)), which is at most k in all directions, however far it is strained or turned.
+    That is the same along all three axes, of which one is enough.
     """
-    first, second, stiffness = springs.first, springs.second, springs.stiffness
-    if positions is None:
-        direction = np.repeat(np.eye(3), len(first), axis=0)
-        first, second, stiffness = np.tile(first, 3), np.tile(second, 3), np.tile(stiffness, 3)
-    else:
-        direction = positions[second] - positions[first]
+    direction = np.ones((len(springs.first), 1))
+    if positions is not None:
+        direction = positions[springs.second] - positions[springs.first]
         direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
-    root = np.sqrt(inverse_mass)
-    start = np.random.default_rng(0).standard_normal((len(root), 3)) * (root > 0)[:, None]
-    largest = power_method(
-        start, np.empty_like(start), ITERATIONS, root, first, second, stiffness, direction,
-        springs.bend_vertices, springs.bend_coefficients, springs.bend_stiffness,
-    )  # fmt: skip
-    return math.sqrt(max(float(largest), 0.0))
+    root = np.sqrt(inverse_mass)[:, None]
+    start = np.random.default_rng(0).standard_normal((len(root), direction.shape[1])) * (root > 0)
+
+    def product(vectors: FloatArray) -> FloatArray:
+        return root * _stiffness_times(springs, direction, root * vectors)
+
+    return math.sqrt(max(_largest_eigenvalue(product, start), 0.0))
+
+
+def _stiffness_times(springs: Springs, direction: FloatArray, moved: FloatArray) -> FloatArray:
+    """Forces against small displacements (N, D), along the springs' directions (E, D) and against bending."""
+    first, second, count = springs.first, springs.second, len(moved)
+    along = springs.stiffness * np.einsum("ed,ed->e", direction, moved[second] - moved[first])
+    result = np.empty_like(moved)
+    for axis in range(moved.shape[1]):
+        pull = along * direction[:, axis]
+        column = np.bincount(second, pull, count) - np.bincount(first, pull, count)
+        if len(springs.bend_stiffness):
+            members, coefficients = springs.bend_vertices, springs.bend_coefficients
+            curl = np.einsum("km,km->k", coefficients, moved[members, axis])
+            spread = coefficients * (springs.bend_stiffness * curl)[:, None]
+            column += np.bincount(members.ravel(), spread.ravel(), count)
+        result[:, axis] = column
+    return result
+
+
+def _largest_eigenvalue(product: Callable[[FloatArray], FloatArray], start: FloatArray) -> float:
+    """Largest eigenvalue of a positive semidefinite matrix, from below (Golub and Van Loan 2013, algorithm 10.1.1).
+
+    Without orthogonalising anew, which costs copies of the largest eigenvalue and no accuracy of it. Sums are numpy's
+    own, which have the same bits on any number of cores.
+    """
+    norm = math.sqrt(float((start * start).sum()))
+    if norm == 0.0:
+        return 0.0
+    before, vector, beta = np.zeros_like(start), start / norm, 0.0
+    diagonal: list[float] = []
+    beside: list[float] = []
+    largest = 0.0
+    for step in range(1, STEPS + 1):
+        image = product(vector)
+        alpha = float((image * vector).sum())
+        image -= alpha * vector + beta * before
+        diagonal.append(alpha)
+        beta = math.sqrt(float((image * image).sum()))
+        if step % BETWEEN == 0 or beta <= 1e-12 * alpha:
+            known, largest = largest, _largest_of_tridiagonal(diagonal, beside)
+            if beta <= 1e-12 * alpha or largest - known <= SETTLED * largest:
+                return largest
+        beside.append(beta)
+        before, vector = vector, image / beta
+    return largest
+
+
+def _largest_of_tridiagonal(diagonal: list[float], beside: list[float]) -> float:
+    matrix = np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1)
+    return float(np.linalg.eigvalsh(matrix)[-1])
+
+
+def _largest_bend_row(springs: Springs, inverse_mass: FloatArray) -> float:
+    """Gershgorin's bound of the largest eigenvalue of M^-1 K for the bend springs alone [1/s2]."""
+    if len(springs.bend_stiffness) == 0:
+        return 0.0
+    size = np.abs(springs.bend_coefficients)
+    entries = springs.bend_stiffness[:, None] * size * size.sum(axis=1, keepdims=True)
+    rows = np.bincount(springs.bend_vertices.ravel(), entries.ravel(), len(inverse_mass))
+    return float((rows * inverse_mass).max())
 
 
 def stable_step(frequency: float, damping_rate: float) -> float:
@@ -70,11 +130,8 @@ def largest_step(springs: Springs, fabric: Fabric, inverse_mass: FloatArray, pos
     step = _known.get(key)
     if step is None:
         frequency = largest_frequency(springs, inverse_mass, positions)
-        bend_squared = largest_bend_row(
-            inverse_mass, springs.bend_vertices, springs.bend_coefficients, springs.bend_stiffness,
-            np.empty_like(inverse_mass),
-        )  # fmt: skip
-        rate = fabric.damping_time * frequency**2 + fabric.bend_damping_time * float(bend_squared)
+        bend_squared = _largest_bend_row(springs, inverse_mass)
+        rate = fabric.damping_time * frequency**2 + fabric.bend_damping_time * bend_squared
         step = _known[key] = stable_step(frequency, rate)
         if len(_known) > REMEMBERED:
             _known.popitem(last=False)

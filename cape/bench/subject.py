@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 from cape.assembly.assemble import Assembly
 from cape.bench.timing import Probe
 from cape.cloth.cloth import GridCloth
-from cape.kernels.records import Motion, State
+from cape.kernels.bones import Motion
+from cape.kernels.state import State
 from cape.measure.meter import Meter
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene

@@ -6,7 +6,7 @@ gravity, contact or air.
 
 import math
 
-from cape.kernels.jit import driver, inlined, kernel
+from cape.kernels.jit import inlined, kernel, routine
 
 
 @kernel
@@ -73,7 +73,7 @@ def move(step, inverse_mass, fx, fy, fz, x, y, z, vx, vy, vz):
         z[i] += step * vz[i]
 
 
-@driver
+@routine
 def limit_step(
     substeps, step, inverse_mass, stiffness, rest, damping, bend_coefficients, bend_stiffness, bend_damping,
     forces, states,

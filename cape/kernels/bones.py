@@ -1,20 +1,74 @@
 """Poses of bones within a frame: positions move in a straight line, rotations at a constant angular velocity."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cape.kernels.jit import driver, inlined
+from cape.kernels.jit import inlined, routine, unit
+
+Array = NDArray[np.float64]
 
 
-@driver
+class Motion(NamedTuple):
+    """Poses of the bones at a frame's start (positions [m] (B, 3), rotations bone_to_world wxyz (B, 4)) and its end."""
+
+    position0: Array
+    rotation0: Array
+    position1: Array
+    rotation1: Array
+
+
+class MotionRoom(NamedTuple):
+    """What `bones.start_motion` and `bones.move_bones` fill: see there."""
+
+    matrices: Array
+    turns: Array
+    velocity: Array
+    spin: Array
+    positions: Array
+
+    @classmethod
+    def blank(cls, count: int) -> "MotionRoom":
+        """Room for so many bones."""
+        shapes = ((count, 3, 3), (count, 3, 3), (count, 3), (count, 3), (count, 3))
+        return cls(*(np.zeros(shape) for shape in shapes))
+
+
+class MovingBones(NamedTuple):
+    """The bones' motion in a frame of `duration` (1,) [s], and where they are in it."""
+
+    motion: Motion
+    bones: MotionRoom
+    duration: Array
+
+
+@unit
+def begin_motion(g, team, substep, substeps, step):
+    """Put the bones at the frame's start, about to move."""
+    start_motion(g.motion, g.bones, g.duration[0], substeps)
+
+
+@unit
+def move_on(g, team, substep, substeps, step):
+    """Move the bones to where they are at a substep's end."""
+    move_bones(g.motion, g.bones, (substep + 1) * step)
+
+
+@routine
 def start_motion(motion, m, duration, substeps):
     """Prepare the `motion` of B bones from one pose to the next in `duration` [s].
 
     Of `m` are filled: `positions` [m] (B, 3) and `matrices` bone_to_world (B, 3, 3) at the start, `turns` (B, 3, 3) the
     rotation of one substep in the world, `velocity` [m/s] and `spin` [rad/s] (B, 3) in the world.
     """
-    position0, rotation0, position1, rotation1 = motion
+    position0, rotation0, position1, rotation1 = (
+        motion.position0,
+        motion.rotation0,
+        motion.position1,
+        motion.rotation1,
+    )
     turns, velocity, spin = m.turns, m.velocity, m.spin
     set_pose(position0, rotation0, m)
     for b in range(position0.shape[0]):
@@ -37,7 +91,7 @@ def start_motion(motion, m, duration, substeps):
             velocity[b, k] = (position1[b, k] - position0[b, k]) / duration
 
 
-@driver
+@routine
 def set_pose(positions, rotations, m):
     """Put the bones of `m` at positions [m] (B, 3) and rotations bone_to_world wxyz (B, 4)."""
     for b in range(positions.shape[0]):
@@ -46,7 +100,7 @@ def set_pose(positions, rotations, m):
             m.positions[b, k] = positions[b, k]
 
 
-@driver
+@routine
 def fill_matrix(w, x, y, z, out):
     """Write the rotation matrix of a unit quaternion into `out`, shape (3, 3)."""
     out[0, 0], out[0, 1], out[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
@@ -54,11 +108,11 @@ def fill_matrix(w, x, y, z, out):
     out[2, 0], out[2, 1], out[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
-@driver
+@routine
 def move_bones(motion, m, time):
     """Advance all bones by a substep: their positions to those `time` after the frame's start, matrices by a turn."""
     position0 = motion.position0
-    matrices, turns, velocity, _, positions = m
+    matrices, turns, velocity, positions = m.matrices, m.turns, m.velocity, m.positions
     for b in range(position0.shape[0]):
         for k in range(3):
             positions[b, k] = position0[b, k] + time * velocity[b, k]
@@ -111,9 +165,3 @@ def velocity_at(bone, x, y, z, m):
         velocity[1] + spin[2] * lx - spin[0] * lz,
         velocity[2] + spin[0] * ly - spin[1] * lx,
     )
-
-
-def blank_motion(count):
-    """What `start_motion` and `move_bones` fill for `count` bones: matrices, turns, velocity, spin, positions."""
-    shapes = ((count, 3, 3), (count, 3, 3), (count, 3), (count, 3), (count, 3))
-    return tuple(np.zeros(shape) for shape in shapes)

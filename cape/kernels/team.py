@@ -1,7 +1,7 @@
 """Threads that share a cloth: which vertices are a rank's own, and how it waits until the others are as far.
 
-All ranks of a team run the same compiled function without the interpreter's lock, each on its own vertices, and meet
-between what one writes and another reads. With `team` None there is one thread: `span` is all vertices, `meet` nothing.
+All ranks of a team run the same program without the interpreter's lock, each on its own vertices, and meet between what
+one writes and another reads. A team of one has all vertices, and nobody to wait for.
 
 The barrier is the flag array of Mellor-Crummey and Scott, "Algorithms for scalable synchronization on shared-memory
 multiprocessors" (ACM TOCS 9, 1991), section 3, in its flat form: each rank counts its meetings in a word of its own and
@@ -10,13 +10,12 @@ core; the number of lines read grows with the square of the ranks, which suits t
 """
 
 import sys
+from typing import NamedTuple
 
-from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
+import numpy as np
+from numpy.typing import NDArray
 
-from cape.kernels.jit import driver, inlined
+from cape.kernels.jit import inlined, intrinsic, routine
 
 BLOCK = 64  # vertices that a rank has one or several of, whole vectors and whole tiles of contact
 LINE = 16  # words between two ranks' counts: 128 bytes, the pair of cache lines that a core fetches together
@@ -26,42 +25,46 @@ OFFERS = 20  # of the core, before the thread sleeps: others may take a whole sl
 NAP = 20  # us of sleep; who wakes is served before those who always work
 
 
-@inlined
-def span(n, team):
-    """First vertex of this rank and the one after its last, of n; whole blocks of 64, so that vector loops are whole.
+class Team(NamedTuple):
+    """One of the threads that share a cloth: its rank, how many there are, its vertices from `lo` to `hi`, and where
+    they meet, a `LINE` of words for each rank."""
+
+    rank: int
+    size: int
+    lo: int
+    hi: int
+    arrivals: NDArray[np.int64]
+
+    @classmethod
+    def alone(cls, vertices: int) -> "Team":
+        """A single thread with so many vertices."""
+        return cls(0, 1, 0, vertices, np.zeros(LINE, np.int64))
+
+
+def span(n: int, rank: int, size: int) -> tuple[int, int]:
+    """First of n vertices of a rank and the one after its last; whole blocks of 64, so that vector loops are whole.
 
     Ranks may have no vertices at all.
     """
-    if team is None:
-        return 0, n
-    first, last = share(0, (n + BLOCK - 1) // BLOCK, team)
+    blocks = (n + BLOCK - 1) // BLOCK
+    first, last = rank * blocks // size, (rank + 1) * blocks // size
     return min(first * BLOCK, n), min(last * BLOCK, n)
 
 
 @inlined
 def share(lo, hi, team):
     """What of lo to hi is this rank's; it may be nothing."""
-    if team is None:
-        return lo, hi
     return lo + team.rank * (hi - lo) // team.size, lo + (team.rank + 1) * (hi - lo) // team.size
 
 
-@inlined
-def is_first(team):
-    """Tell whether this is the thread that does what only one may do."""
-    if team is None:
-        return True
-    return team.rank == 0
-
-
-@driver
+@routine
 def meet(team):
     """Wait until every rank of the team has come here; what each wrote before is then seen by all.
 
-    Call it from a `driver` alone, where all ranks pass by equally often: within a `kernel` arrays are promised to
+    Call it from a routine alone, where all ranks pass by equally often: within a `kernel` arrays are promised to
     change by that kernel's own hand only, and LLVM would keep old values across the meeting.
     """
-    if team is None:
+    if team.size == 1:
         return
     mine = team.rank * LINE
     count = team.arrivals[mine] + 1
@@ -78,9 +81,10 @@ def meet(team):
                 sleep()
 
 
-@intrinsic
+@intrinsic(lambda words, index: words[index])
 def load_acquire(typingctx, words, index):
     """Read `words[index]`; nothing that follows happens before."""
+    from numba import types
 
     def generate(context, builder, signature, arguments):
         return builder.load_atomic(_address(context, builder, signature, arguments), "acquire", align=8)
@@ -88,9 +92,10 @@ def load_acquire(typingctx, words, index):
     return types.int64(words, types.int64), generate
 
 
-@intrinsic
+@intrinsic(lambda words, index, value: words.__setitem__(index, value))
 def store_release(typingctx, words, index, value):
     """Set `words[index]`; nothing that precedes happens after."""
+    from numba import types
 
     def generate(context, builder, signature, arguments):
         address = _address(context, builder, signature, arguments)
@@ -100,9 +105,11 @@ def store_release(typingctx, words, index, value):
     return types.void(words, types.int64, types.int64), generate
 
 
-@intrinsic
+@intrinsic(lambda: None)
 def pause(typingctx):
     """Tell the core that this thread only waits, where it has an instruction for that."""
+    from llvmlite import ir
+    from numba import types
 
     def generate(context, builder, signature, arguments):
         machine = builder.module.triple.split("-")[0]
@@ -115,9 +122,11 @@ def pause(typingctx):
     return types.void(), generate
 
 
-@intrinsic
+@intrinsic(lambda: None)
 def yield_core(typingctx):
     """Let another thread run on this core, by the system's `sched_yield` (POSIX.1-2017)."""
+    from llvmlite import ir
+    from numba import types
 
     def generate(context, builder, signature, arguments):
         if sys.platform != "win32":
@@ -127,9 +136,11 @@ def yield_core(typingctx):
     return types.void(), generate
 
 
-@intrinsic
+@intrinsic(lambda: None)
 def sleep(typingctx):
     """Let this thread rest for a `NAP`, by the system's `usleep` (POSIX.1-2001)."""
+    from llvmlite import ir
+    from numba import types
 
     def generate(context, builder, signature, arguments):
         if sys.platform != "win32":
@@ -146,5 +157,8 @@ def _address(context, builder, signature, arguments):
 
 
 def _call(builder, name, result, *arguments):
+    from llvmlite import ir
+    from numba.core import cgutils
+
     kind = ir.FunctionType(result, [argument.type for argument in arguments])
     builder.call(cgutils.get_or_insert_function(builder.module, kind, name), arguments)

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
+from cape.forces.registry import forces_of
 from cape.kernels.cloth.measure import kinetic_energy
-from cape.kernels.records import State
+from cape.kernels.state import State
 
 FloatArray = NDArray[np.float64]
 
@@ -28,12 +29,9 @@ class Energy(NamedTuple):
 def energy_of(assembly: Assembly, state: State, origin: FloatArray) -> Energy:
     """Energies of an assembled cloth; positions refer to `origin`, in the world [m], shape (3,)."""
     positions = np.stack(state[:3], axis=1).astype(float)
-    springs, mass = assembly.springs, assembly.mass
-    lengths = np.linalg.norm(positions[springs.second] - positions[springs.first], axis=1)
-    bends = np.einsum("km,kmc->kc", springs.bend_coefficients, positions[springs.bend_vertices])
+    mass = assembly.mass
     return Energy(
         kinetic=float(kinetic_energy(mass, state.vx, state.vy, state.vz)),
-        elastic=0.5 * float(springs.stiffness @ (lengths - springs.rest) ** 2)
-        + 0.5 * float(springs.bend_stiffness @ np.sum(bends**2, axis=1)),
+        elastic=sum(force.energy(assembly, positions) for force in forces_of(assembly.scene)),
         potential=-float(mass @ ((positions + origin) @ np.asarray(assembly.scene.gravity))),
     )

@@ -39,10 +39,10 @@ Summed over all vertices, and with minus the damping's work as what is dissipate
     change of kinetic + elastic + potential = attachments + contacts + air - damping + numerical + moved + residual
 
 The work of f is taken from the solvers' own forces, elastic and potential energy from their definition
-(`measure.energy`). So the *residual* closes the books: it is what Simpson's rule misses of an energy's difference along
-the line from x0 to x1, of fifth order in x1 - x0 and none for gravity and linear springs, and it would be large if
-forces were not the gradients of the energies. *moved* is what jumps of the bones and `Simulation.disturb` do between
-frames, to which none of this applies.
+(`measure.energy`). So the *residual* closes the books: it is what Simpson's rule misses of an energy's difference along the line from x0 to
+x1, of fifth order in x1 - x0 and none for gravity and linear springs, and it would be large if forces were not the
+gradients of the energies. *moved* is what jumps of the bones and `Simulation.disturb` do between frames, to which none
+of this applies.
 """
 
 from dataclasses import dataclass, fields
@@ -50,10 +50,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.assemble import Assembly, air_model, force_model, force_scratch
-from cape.kernels.cloth.forces import compute_forces
-from cape.kernels.records import ForceModel, State
+from cape.assembly.assemble import Assembly, force_scratch
+from cape.forces.base import Acting
+from cape.forces.registry import forces_of
+from cape.kernels.linking import Frame, Linker
 from cape.kernels.solve.journal import Journal
+from cape.kernels.state import State
+from cape.kernels.team import Team
 from cape.measure.energy import Energy, energy_of
 from motions.errors import ValueRangeError
 
@@ -209,32 +212,49 @@ def _dots(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 class _Forces:
-    """The forces on an assembled cloth, by kind."""
+    """The forces on an assembled cloth, by the account that they belong to."""
 
     def __init__(self, assembly: Assembly) -> None:
         self.assembly = assembly
-        model = force_model(assembly, np.float64)
-        self._springs = model._replace(grid_air=None, mesh_air=None, skin=None)
-        self._air = None if assembly.scene.wind is None else air_model(assembly, np.float64)
-        self._room = force_scratch(assembly, np.float64)[0]
         self.weight = np.outer(assembly.scene.gravity, assembly.mass)
+        count = assembly.cloth.vertices
+        self._state = State(*np.zeros((6, count)))
+        self._forces = np.zeros((3, count))
+        self._programs = {account: self._program(account) for account in ("elastic", "air")}
+
+    def _program(self, account: str) -> Frame | None:
+        """What computes the forces of an account at `_state`; None where there are none."""
+        acting = Acting(self.assembly, self._state, self._forces, force_scratch(self.assembly, np.float64)[0])
+        uses = []
+        for force in forces_of(self.assembly.scene):
+            if force.account == account:
+                uses += force.uses(acting, force.arrays(self.assembly, np.float64))
+        if not uses:
+            return None
+        linker = Linker()
+        frame = linker.frame([], uses, Team.alone(len(self._state.x)))
+        linker.link()
+        return frame
 
     def at(self, state: FloatArray) -> FloatArray:
         """Springs and weight, damping, and air [N] at a state (6, N); shape (3, 3, N)."""
         forces = np.zeros((3, 3, state.shape[1]))
         forces[0] = self.conservative(state)
-        if self._springs.damping is not None or self._springs.bend_damping is not None:
-            self._compute(self._springs, state, forces[1])
-            forces[1] -= forces[0] - self.weight
-        if self._air is not None:
-            self._compute(self._air, state, forces[2])
+        forces[1] = self._compute("elastic", state) - (forces[0] - self.weight)
+        forces[2] = self._compute("air", state)
         return forces
 
     def conservative(self, state: FloatArray) -> FloatArray:
         """Springs and weight [N] at a state (6, N), whatever its velocities; shape (3, N)."""
-        still, forces = np.concatenate([state[:3], np.zeros_like(state[3:])]), np.zeros((3, state.shape[1]))
-        self._compute(self._springs, still, forces)
-        return forces + self.weight
+        still = np.concatenate([state[:3], np.zeros_like(state[3:])])
+        return self._compute("elastic", still) + self.weight
 
-    def _compute(self, model: ForceModel, state: FloatArray, out: FloatArray) -> None:
-        compute_forces(0, state.shape[1], State(*state), model, *out, self._room, None)
+    def _compute(self, account: str, state: FloatArray) -> FloatArray:
+        """Forces of an account at a state (6, N); shape (3, N)."""
+        self._forces[:] = 0.0
+        program = self._programs[account]
+        if program is not None:
+            for component, values in zip(self._state, state, strict=True):
+                component[:] = values
+            program.run(1, 1.0)
+        return self._forces.copy()

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape.assembly.assemble import Assembly
-from cape.assembly.contact import contacts_of
-from cape.kernels.bones import blank_motion
+from cape.assembly.contact import contacts_of, link_distances
+from cape.kernels.bones import MotionRoom
 from cape.kernels.cloth import measure
-from cape.kernels.contact.shapes import Shapes
-from cape.kernels.records import MotionRoom, State
+from cape.kernels.linking import Linker
+from cape.kernels.state import State
 from cape.measure.contact_points import ContactPoints
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
@@ -50,9 +50,12 @@ class Meter:
         springs = assembly.springs
         chosen = springs.measured
         self._first, self._second, self._rest = springs.first[chosen], springs.second[chosen], springs.rest[chosen]
-        contacts, self._order = contacts_of(self.scene, assembly.cloth, assembly.free)
-        self._groups = contacts.groups or ()
-        self._bones = MotionRoom(*blank_motion(len(self.scene.bones) + 1))
+        self._colliders = contacts_of(self.scene, assembly.cloth, assembly.free).colliders
+        if self._colliders is not None:
+            linker = Linker()
+            link_distances(self.scene, self._colliders, None, linker)
+            linker.link()
+        self._bones = MotionRoom.blank(len(self.scene.bones) + 1)
         self._room = _ContactRoom(ROOM)
 
     def read(self, state: State, pose: Pose, *, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Reading:
@@ -64,17 +67,12 @@ class Meter:
             origin: that positions refer to, in the world [m], shape (3,).
         """
         stretch = measure.strain(state.x, state.y, state.z, self._first, self._second, self._rest, self._histogram)
-        penetration, collider, parts = 0.0, -1, []
-        for order, shapes in zip(self._order, self._groups, strict=True):
-            depth, which, count = self._touching(state, shapes, pose)
-            if depth > penetration:
-                penetration, collider = float(depth), order[which]
-            parts.append(self._room.contacts(count, order))
+        penetration, collider, count = self._touching(state, pose)
         return Reading(
             stretch=float(stretch),
             penetration=penetration,
             collider=collider,
-            contacts=self._in_scene(parts, np.asarray(origin, dtype=float)),
+            contacts=self._in_scene(count, np.asarray(origin, dtype=float)),
             kinetic_energy=float(measure.kinetic_energy(self._assembly.mass, state.vx, state.vy, state.vz)),
         )
 
@@ -85,21 +83,29 @@ class Meter:
             return 0.0
         return float((np.searchsorted(counts, share * counts[-1]) + 1) * measure.WIDEST / measure.BINS)
 
-    def _touching(self, state: State, shapes: Shapes, pose: Pose) -> tuple[float, int, int]:
-        """Fill the room with contacts, in a larger one should they not fit."""
+    def _touching(self, state: State, pose: Pose) -> tuple[float, int, int]:
+        """Deepest penetration [m], the collider, -1 for none, and how many contacts there are in the room.
+
+        Makes the room larger should they not fit.
+        """
+        if self._colliders is None:
+            return 0.0, -1, 0
         while True:
-            depth, which, count = measure.touching(
-                *state[:3], self._assembly.free, shapes, *pose, self._bones, *self._room.arrays
-            )
+            vertices, colliders, places = self._room.arrays
+            touch = measure.Touch(
+                state, self._assembly.free, self._colliders, self._bones, pose.positions, pose.rotations_wxyz,
+                vertices, colliders, places,
+            )  # fmt: skip
+            depth, which, count = measure.touching(touch)
             if count <= self._room.size:
-                return depth, which, count
+                return float(depth), int(which), int(count)
             self._room = _ContactRoom(2 * count)
 
-    def _in_scene(self, parts: list["_Contacts"], origin: FloatArray) -> ContactPoints:
-        """Contacts with the vertices as the scene numbers them, in the world."""
-        if not parts:
+    def _in_scene(self, count: int, origin: FloatArray) -> ContactPoints:
+        """The contacts in the room with the vertices as the scene numbers them, in the world."""
+        if self._colliders is None:
             return ContactPoints.none(1)
-        vertices, colliders, places = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        vertices, colliders, places = (values[:count] for values in self._room.arrays)
         order = self._assembly.order
         return ContactPoints(
             starts=np.array([0, len(vertices)]),
@@ -111,18 +117,9 @@ class Meter:
         )
 
 
-_Contacts = tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]
-"""Vertices (n,), colliders (n,), and points, normals and depths (n, 7)."""
-
-
 class _ContactRoom:
-    """Room for the contacts with one kind of collider."""
+    """Room for contacts: vertices (n,), colliders (n,), and points, normals and depths (n, 7)."""
 
     def __init__(self, size: int) -> None:
         self.size = size
-        self.arrays: _Contacts = (np.zeros(size, np.int64), np.zeros(size, np.int64), np.zeros((size, 7)))
-
-    def contacts(self, count: int, order: list[int]) -> _Contacts:
-        """Copies of the first `count`; `order` gives the scene's index of each collider of the kind."""
-        vertices, colliders, places = self.arrays
-        return vertices[:count].copy(), np.array(order)[colliders[:count]], places[:count].copy()
+        self.arrays = (np.zeros(size, np.int64), np.zeros(size, np.int64), np.zeros((size, 7)))

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from cape.assembly import putting_on, self_contact
 from cape.assembly.assemble import assemble
+from cape.kernels.bones import Motion
 from cape.kernels.cloth.measure import is_strained, whereabouts
-from cape.kernels.records import Motion, State
 from cape.kernels.solve.journal import Journal
+from cape.kernels.state import State
 from cape.scene.jumps import rigid_motion
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene, require_held_once
@@ -33,12 +34,12 @@ STRAINED = 0.2  # from which on springs resist across their direction, too, as m
 
 
 class Moment(NamedTuple):
-    """The state at some time, and what was known then: how the cloth touches itself, which vertices two colliders of a
-    kind pinch, where it is, if it is strained."""
+    """The state at some time, and what was known then: how the cloth touches itself, which vertices two colliders
+    pinch, where it is, if it is strained."""
 
     state: tuple[NDArray[np.floating], ...]
     layers: self_contact.Kept | None
-    pinched: tuple[NDArray[np.bool_], ...]
+    pinched: NDArray[np.bool_]
     center: FloatArray
     strained: bool
 
@@ -83,8 +84,8 @@ class Hanging:
         held = [putting_on.held_by(scene, a, self.pose, positions) for a in scene.attachments]
         require_held_once(held)
         self.assembly = assemble(scene, held, threads=threads)
-        self._room = solver.init(self.assembly)
         self.state = State.at_rest(self.assembly.inwards(positions), solver.dtype(self.assembly))
+        self._running = solver.init(self.assembly, self.state)
         self._worn, self._spread = putting_on.hold_points(self.assembly, self.pose, held, positions)
         self._center, self.strained = np.zeros(3), False
         self.keeps_journal = False
@@ -107,28 +108,30 @@ class Hanging:
         return np.empty(0, dtype=np.int64) if attached is None else np.unique(attached.bones)
 
     @property
-    def _pinched(self) -> list[NDArray[np.bool_]]:
-        return [shapes.pinched for shapes in self.assembly.ranks[0].contacts.groups or ()]
+    def _pinched(self) -> NDArray[np.bool_]:
+        colliders = self.assembly.contacts.colliders
+        return np.zeros(0, np.bool_) if colliders is None else colliders.pinched
 
     @property
     def haste(self) -> float:
         """How many times too long steps were for thin colliders that came by."""
-        return max((float(group.haste[0]) for group in self.assembly.ranks[0].contacts.faces or ()), default=0.0)
+        faces = self.assembly.contacts.faces
+        return 0.0 if faces is None else float(faces.haste[0])
 
     def choose_substeps(self, dt: float, *, strained: bool = False) -> int:
         """Substeps in `dt` [s] that were asked for, or that the solver chooses."""
-        return self._solver.choose_substeps(self._room, dt, strained=strained)
+        return self._solver.choose_substeps(self._running, dt, strained=strained)
 
     def own_choice(self, dt: float, *, strained: bool = False) -> int:
         """Substeps in `dt` [s] that the solver would choose, whatever was asked for."""
-        return replace(self._solver, substeps=None).choose_substeps(self._room, dt, strained=strained)
+        return replace(self._solver, substeps=None).choose_substeps(self._running, dt, strained=strained)
 
     def change_solver(self, solver: Solver) -> None:
         """Go on with another solver from where the cloth is."""
         if replace(solver, substeps=None) != replace(self._solver, substeps=None):
-            self._room = solver.init(self.assembly)
             dtype = solver.dtype(self.assembly)
             self.state = State(*(component.astype(dtype) for component in self.state))
+            self._running = solver.init(self.assembly, self.state)
         self._solver = solver
 
     def settle(self, duration: float | None, velocity: FloatArray) -> None:
@@ -189,8 +192,7 @@ class Hanging:
         self.origin, self.pose = place.origin, place.pose
         for component, values in zip(self.state, self.assembly.inwards(place.state).T, strict=True):
             component[:] = values
-        for notes in self._pinched:
-            notes[:] = False
+        self._pinched[:] = False
         held = self.assembly.attached
         if held is not None and place.hold is not None:
             held.points[:], held.lift[:], held.drift[:] = place.hold
@@ -239,9 +241,8 @@ class Hanging:
             integrated, ended = np.empty((2, substeps, 6, count), dtype)
             self.journal = Journal(integrated, ended, np.empty((substeps, count), np.bool_))
         return self._solver.step(
-            self.assembly, self._room, self.state, motion, duration=duration, substeps=substeps, threads=self._threads,
-            journal=self.journal,
-        )  # fmt: skip
+            self._running, motion, duration=duration, substeps=substeps, threads=self._threads, journal=self.journal
+        )
 
     def note_lift(self, duration: float) -> None:
         """Note how far what bones hold has drifted out of colliders in a frame of `duration` [s]."""
@@ -279,16 +280,14 @@ class Hanging:
         """A copy of what a frame changes."""
         known = self.assembly.layers
         kept = None if known is None else self_contact.keep(known)
-        pinched = tuple(notes.copy() for notes in self._pinched)
-        return Moment(tuple(c.copy() for c in self.state), kept, pinched, self._center, self.strained)
+        return Moment(tuple(c.copy() for c in self.state), kept, self._pinched.copy(), self._center, self.strained)
 
     def restore(self, before: Moment) -> None:
         """Put a moment back."""
         for component, kept in zip(self.state, before.state, strict=True):
             component[:] = kept
         self._center, self.strained = before.center, before.strained
-        for notes, kept in zip(self._pinched, before.pinched, strict=True):
-            notes[:] = kept
+        self._pinched[:] = before.pinched
         if self.assembly.layers is not None and before.layers is not None:
             self_contact.put_back(self.assembly.layers, before.layers)
 

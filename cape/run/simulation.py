@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape.assembly.assemble import Assembly
-from cape.kernels.records import Motion, State
+from cape.kernels.bones import Motion
+from cape.kernels.state import State
 from cape.measure.energy import Energy, energy_of
 from cape.measure.ledger import Ledger
 from cape.measure.meter import Meter, Reading

@@ -1,16 +1,22 @@
 """What every solver is."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from cape.assembly.assemble import Assembly
-from cape.kernels.records import Motion, State, Team
+from cape.assembly.contact import link_distances
+from cape.kernels.bones import Motion
+from cape.kernels.linking import Frame, Linker, arrivals_for
 from cape.kernels.solve.journal import Journal
-from cape.solvers.threads import run
+from cape.kernels.state import State
+from cape.kernels.team import Team, span
+from cape.solvers import threads as teams
+from cape.solvers.order import Order
+from cape.solvers.running import Running, Thread
 from motions.errors import ValueRangeError
 
 Precision = Literal["single", "double"]
@@ -50,28 +56,32 @@ class Solver(ABC):
         """The precision for a scene, as a numpy type: as asked, or the usual one."""
         return np.float32 if (self.precision or self.usual_precision) == "single" else np.float64
 
-    @abstractmethod
-    def init(self, assembly: Assembly) -> Any:
-        """Prepare the arrays that the steps of one run share."""
+    def init(self, assembly: Assembly, state: State) -> Running:
+        """Prepare to step a cloth from a state, in the solver's precision, which steps change in place."""
+        return Running(assembly, state, self.arrays(assembly))
 
     @abstractmethod
-    def choose_substeps(self, room: Any, duration: float, *, strained: bool = False) -> int:
+    def arrays(self, assembly: Assembly) -> Any:
+        """The arrays that the steps of one run share: at least `inertia`, and those of `forces` by kind."""
+
+    @abstractmethod
+    def choose_substeps(self, running: Running, duration: float, *, strained: bool = False) -> int:
         """Number of steps in a frame of `duration` [s], also of a cloth that is strained far."""
 
-    @property
     @abstractmethod
-    def _frame(self) -> Callable[..., Any]:
-        """The compiled function that advances a frame; after `_arguments` substeps, duration [s], journal and team."""
+    def units(self, thread: Thread, linker: Linker) -> Order:
+        """What one thread does in a frame; programs within programs are made by the linker."""
 
-    @abstractmethod
-    def _arguments(self, assembly: Assembly, room: Any, rank: int, state: State, motion: Motion) -> tuple[Any, ...]:
-        """What the thread of that rank passes to `_frame` first."""
+    def begin(self, running: Running) -> None:
+        """Prepare for a frame."""
+
+    def unconverged(self, running: Running) -> int:
+        """How many solves within the last frame did not reach the solver's tolerance, 0 for explicit methods."""
+        return 0
 
     def step(
         self,
-        assembly: Assembly,
-        room: Any,
-        state: State,
+        running: Running,
         motion: Motion,
         *,
         duration: float,
@@ -79,18 +89,68 @@ class Solver(ABC):
         threads: int = 1,
         journal: Journal | None = None,
     ) -> int:
-        """Advance `state` in place by a frame of `duration` [s], while the bones move as `motion` tells.
+        """Advance the state in place by a frame of `duration` [s], while the bones move as `motion` tells.
 
         `threads` is at most the number of the assembly's ranks; it never changes the result. Nor does a `journal`, with
         room for all substeps, which is filled with what each of them did.
 
         Returns:
-            How many solves within the frame did not reach the solver's tolerance, 0 for explicit methods.
+            How many solves within the frame did not reach the solver's tolerance.
         """
+        for kept, given in zip(running.motion, motion, strict=True):
+            kept[:] = given
+        running.duration[0] = duration
+        self.begin(running)
+        programs = self._programs(running, threads, journal)
+        programs.run(substeps, duration)
+        return self.unconverged(running)
 
-        def arguments(member: Team | None) -> tuple[Any, ...]:
-            rank = 0 if member is None else member.rank
-            return (*self._arguments(assembly, room, rank, state, motion), substeps, duration, journal, member)
+    def prepare(self, running: Running, threads: int = 1) -> None:
+        """Compile, or load, all that steps need."""
+        self._programs(running, threads, None)
 
-        run(self._frame, arguments, threads)
-        return 0
+    def _programs(self, running: Running, threads: int, journal: Journal | None) -> "Programs":
+        known = running.frames.get(threads)
+        if known is None or journal is not None:
+            known = Programs(self, running, threads, journal)
+            if journal is None:
+                running.frames[threads] = known
+        return known
+
+
+class Programs:
+    """The programs of a frame: for a thread alone, and for each of several that share the cloth."""
+
+    def __init__(self, solver: Solver, running: Running, size: int, journal: Journal | None) -> None:
+        """Make the programs, and compile what they need."""
+        vertices, linker = running.assembly.cloth.vertices, Linker()
+        self._alone = _frame(solver, Thread(running, 0, 1, journal), Team.alone(vertices), linker)
+        self._arrivals = arrivals_for(size)
+        self._together: Sequence[Frame] = ()
+        if size > 1:
+            self._together = [
+                _frame(
+                    solver,
+                    Thread(running, rank, size, journal),
+                    Team(rank, size, *span(vertices, rank, size), self._arrivals),
+                    linker,
+                )
+                for rank in range(size)
+            ]
+        for rank in running.assembly.ranks[:size]:
+            if rank.contacts.colliders is not None:
+                link_distances(running.assembly.scene, rank.contacts.colliders, rank.contacts.faces, linker)
+        linker.link()
+
+    def run(self, substeps: int, duration: float) -> None:
+        """Advance by a frame, on one thread where all others are busy."""
+        teams.run(
+            lambda rank: self._together[rank].run(substeps, duration),
+            lambda: self._alone.run(substeps, duration),
+            self._arrivals,
+        )
+
+
+def _frame(solver: Solver, thread: Thread, team: Team, linker: Linker) -> Frame:
+    order = solver.units(thread, linker)
+    return linker.frame(order.begin, order.substep, team)

@@ -1,20 +1,25 @@
 """Symplectic Euler: v += dt a, then x += dt v with the new v."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.assemble import Assembly, force_model, force_scratch, inertia_of
+from cape.assembly.assemble import Assembly, force_scratch, inertia_of
 from cape.assembly.stability import largest_step
 from cape.cloth.cloth import GridCloth
+from cape.forces.base import Force
+from cape.forces.registry import forces_of
 from cape.kernels.cloth.grid import GridRoom
-from cape.kernels.records import ForceModel, Inertia, Motion, State
-from cape.kernels.solve.euler import euler_frame
+from cape.kernels.linking import Linker
+from cape.kernels.program import Use
+from cape.kernels.solve.euler import EulerStep, advance
+from cape.kernels.state import Inertia
 from cape.solvers.base import Precision, Solver
+from cape.solvers.order import Order, begin_frame, end_substep, forces, move_bones, wait
+from cape.solvers.running import Running, Thread
 from motions.errors import ValueRangeError
 
 # A step adds dt v to a position. Below some 2000 steps in a frame of a 60th of a second that is, at 1 m/s, more than a
@@ -22,15 +27,16 @@ from motions.errors import ValueRangeError
 SHORTEST_SINGLE_STEP = 1.0 / 60.0 / 2000.0  # s
 
 
-class EulerRoom(NamedTuple):
+class EulerArrays(NamedTuple):
     """What the steps of a run share.
 
-    Forces in its precision, scratch of each thread, and the largest stable steps [s] of a cloth at rest, and strained.
+    The arrays of each force in its precision, the sums of forces (3, N) [N], scratch of each thread, and the largest
+    stable steps [s] of a cloth at rest, and strained.
     """
 
-    model: ForceModel
+    forces: dict[type[Force], Any]
     inertia: Inertia
-    forces: NDArray[np.floating]
+    total: NDArray[np.floating]
     scratch: tuple[GridRoom | None, ...]
     stable_step: float
     strained_step: float
@@ -70,36 +76,40 @@ class SymplecticEuler(Solver):
             return np.float64
         return super().dtype(assembly)
 
-    def init(self, assembly: Assembly) -> EulerRoom:
-        """Convert the springs and find the largest stable step."""
+    def arrays(self, assembly: Assembly) -> EulerArrays:
+        """Convert the forces and find the largest stable step."""
         dtype = self.dtype(assembly)
-        return EulerRoom(
-            model=force_model(assembly, dtype),
+        return EulerArrays(
+            forces={force: force.arrays(assembly, dtype) for force in forces_of(assembly.scene)},
             inertia=inertia_of(assembly, dtype),
-            forces=np.zeros((3, assembly.cloth.vertices), dtype=dtype),
+            total=np.zeros((3, assembly.cloth.vertices), dtype=dtype),
             scratch=force_scratch(assembly, dtype),
             stable_step=_stable_step(assembly),
             strained_step=largest_step(assembly.springs, assembly.cloth.fabric, assembly.inverse_mass, None),
         )
 
-    def choose_substeps(self, room: EulerRoom, duration: float, *, strained: bool = False) -> int:
+    def choose_substeps(self, running: Running, duration: float, *, strained: bool = False) -> int:
         """Number of steps in a frame of `duration` [s]: as asked, or as many as stability needs."""
         if self.substeps is not None:
             return self.substeps
-        return max(1, math.ceil(duration / (self.margin * (room.strained_step if strained else room.stable_step))))
+        arrays: EulerArrays = running.arrays
+        return max(1, math.ceil(duration / (self.margin * (arrays.strained_step if strained else arrays.stable_step))))
 
-    @property
-    def _frame(self) -> Callable[..., Any]:
-        return euler_frame
-
-    def _arguments(
-        self, assembly: Assembly, room: EulerRoom, rank: int, state: State, motion: Motion
-    ) -> tuple[Any, ...]:
-        own = assembly.ranks[rank]
-        return (
-            state, room.model, room.inertia, room.forces, room.scratch[rank], motion, own.room,
-            assembly.attached, own.contacts,
-        )  # fmt: skip
+    def units(self, thread: Thread, linker: Linker) -> Order:
+        """Forces, integration, contact, attachments."""
+        running = thread.running
+        arrays: EulerArrays = running.arrays
+        return Order(
+            begin=begin_frame(thread),
+            substep=[
+                *forces(thread, list(arrays.forces), arrays.total, arrays.scratch[thread.rank]),
+                *wait(thread),
+                Use(advance, EulerStep(running.state, arrays.inertia, arrays.total)),
+                *move_bones(thread),
+                *end_substep(thread, holding=True),
+                *wait(thread),
+            ],
+        )
 
 
 def _stable_step(assembly: Assembly) -> float:

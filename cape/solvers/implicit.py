@@ -1,21 +1,61 @@
 """Implicit solvers for what explicit steps cannot reach: backward Euler and TR-BDF2."""
 
 import math
-from collections.abc import Callable
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.assemble import Assembly, force_model, force_scratch, inertia_of
+from cape.assembly.assemble import Assembly, force_scratch, inertia_of
 from cape.cloth.cloth import GridCloth
-from cape.kernels.cloth.grid import GridRoom
+from cape.forces.base import Force
+from cape.forces.elastic import Elastic, Links
+from cape.forces.registry import forces_of
+from cape.kernels.cloth.grid import GridBends, GridRoom, GridSprings
+from cape.kernels.cloth.mesh import MeshBends
+from cape.kernels.contact.penalty import Penalty, PenaltyContact, find_touchable, press_colliders
 from cape.kernels.implicit.conjugate_gradients import CHUNK
-from cape.kernels.implicit.implicit import GAMMA, UNSOLVED, backward_euler_frame, tr_bdf2_frame
-from cape.kernels.records import Attached, Contacts, ForceModel, Inertia, Motion, MotionRoom, State
-from cape.kernels.solve.journal import Journal
+from cape.kernels.implicit.implicit import (
+    GAMMA,
+    GUARD,
+    UNSOLVED,
+    Accelerations,
+    Placing,
+    Problem,
+    Settings,
+    Stage,
+    Work,
+    aim_backward,
+    aim_bdf2,
+    aim_trapezoid,
+    find_acceleration,
+    hold_back,
+    hold_back_at_start,
+    keep_acceleration,
+    place_bones,
+    solve_stage,
+)
+from cape.kernels.implicit.mesh_stiffness import MeshStiffness, add_mesh_diagonal, linearise_mesh, multiply_mesh
+from cape.kernels.implicit.stiffness import (
+    Blocks,
+    GridStiffness,
+    Matrix,
+    add_grid_diagonal,
+    invert_diagonal,
+    linearise_springs,
+    multiply_grid,
+    multiply_own,
+    set_own,
+)
+from cape.kernels.linking import Linker
+from cape.kernels.program import Use
+from cape.kernels.self_contact.self_contact import PressedAcceleration, PressedForces, add_held, add_pressure
+from cape.kernels.state import Inertia
 from cape.solvers.base import Precision, Solver
+from cape.solvers.order import Order, begin_frame, end_substep, forces, wait
+from cape.solvers.running import Running, Thread
 from motions.errors import ValueRangeError
 
 SUBSTEPS = 8  # per frame at 60 Hz, where none are asked for
@@ -24,87 +64,15 @@ INNER = np.float32  # precision of the linear systems, whose solutions the next 
 Array = NDArray[np.floating]
 
 
-class Matrix(NamedTuple):
-    """What the matrix of a Newton step is made of, as in `kernels.implicit.stiffness`: vectors and rows of length L.
+class ImplicitArrays(NamedTuple):
+    """What the steps of a run share; of `room`, `scratch` and `counts` each thread has its own."""
 
-    `springs` holds w and c of each spring of a grid (4 F, L), or as in `kernels.implicit.mesh_stiffness`, which needs
-    `ends`; `bends` the couplings of a vertex with the next ones and the second next along each family [N/m] (2 K, L),
-    None without bends; `bend_diagonal` [N/m], `mass` [kg] and `free`, 0 for attached vertices, (L,);
-    `own` blocks (6, L).
-    """
-
-    front: int
-    springs: Array
-    ends: Array | None
-    bends: Array | None
-    bend_diagonal: Array
-    mass: Array
-    free: Array
-    own: Array
-
-
-class Work(NamedTuple):
-    """Room that threads share: stage data (6, N), positions before a Newton step (3, N), forces (3, N), blocks (6, L),
-    vectors of the conjugate gradients (5, 3, L), and sums; `scratch` is this thread's own."""
-
-    start: Array
-    target: Array
-    old: Array
-    acceleration: Array
-    forces: Array
-    inverse: Array
-    vectors: Array
-    terms: Array
-    sums: Array
-    largest: Array
-    scratch: Array
-
-
-class Settings(NamedTuple):
-    """See `ImplicitSolver`; the tolerance is for steps that are solved with a b of `usual` [s] or more."""
-
-    tolerance: float
-    usual: float
-    iterations: int
-    forcing: float
-    linear_iterations: int
-
-
-class Penalty(NamedTuple):
-    """Contact: `least` stiffness [N/m] (N,), room for forces [N] (3, N) and minus their derivatives [N/m] (6, N)."""
-
-    least: Array
-    force: Array
-    blocks: Array
-
-
-class Problem(NamedTuple):
-    """What a thread needs to advance a frame; what is its own: `scratch`, `work.scratch`, `counts`, `bones` and
-    `contacts`."""
-
-    state: State
-    model: ForceModel
+    forces: dict[type[Force], Any]
     inertia: Inertia
-    scratch: GridRoom | None
+    room: tuple[GridRoom | None, ...]
     matrix: Matrix
     work: Work
-    settings: Settings
-    counts: NDArray[np.int64]
-    motion: Motion
-    bones: MotionRoom
-    attached: Attached | None
-    contacts: Contacts
-    penalty: Penalty | None
-
-
-class ImplicitRoom(NamedTuple):
-    """What the steps of a run share; of `scratch`, `works` and `counts` each thread has its own."""
-
-    model: ForceModel
-    inertia: Inertia
-    scratch: tuple[GridRoom | None, ...]
-    matrix: Matrix
-    works: tuple[Work, ...]
+    scratch: tuple[Array, ...]
     counts: NDArray[np.int64]
     penalty: Penalty | None
 
@@ -148,75 +116,130 @@ class ImplicitSolver(Solver):
             if getattr(self, name) < 1:
                 raise ValueRangeError(f"{name} must be 1 or more, not {getattr(self, name)}")
 
-    def init(self, assembly: Assembly) -> ImplicitRoom:
+    def arrays(self, assembly: Assembly) -> ImplicitArrays:
         """Lay out the matrix and the room for its products."""
-        dtype, count, inner = self.dtype(assembly), assembly.cloth.vertices, INNER
-        model = force_model(assembly, dtype)
-        matrix = matrix_of(assembly, model, inner)
+        dtype, count = self.dtype(assembly), assembly.cloth.vertices
+        arrays = {force: force.arrays(assembly, dtype) for force in forces_of(assembly.scene)}
+        matrix = matrix_of(assembly, arrays[Elastic], INNER)
         chunks, size = -(-count // CHUNK), matrix.mass.size
-        shared = Work(
-            start=np.zeros((6, count), dtype),
-            target=np.zeros((6, count), dtype),
-            old=np.zeros((3, count), dtype),
-            acceleration=np.zeros((3, count), dtype),
-            forces=np.zeros((3, count), dtype),
-            inverse=np.zeros((6, size), inner),
-            vectors=np.zeros((5, 3, size), inner),
-            terms=np.zeros(size, inner),
-            sums=np.zeros((3, chunks)),
-            largest=np.zeros(chunks),
-            scratch=np.zeros((3, size), inner),
-        )
         ranks = len(assembly.ranks)
-        return ImplicitRoom(
-            model=model,
+        return ImplicitArrays(
+            forces=arrays,
             inertia=inertia_of(assembly, dtype),
-            scratch=force_scratch(assembly, dtype),
+            room=force_scratch(assembly, dtype),
             matrix=matrix,
-            works=tuple(shared._replace(scratch=np.zeros((3, size), inner)) for _ in range(ranks)),
+            work=Work(
+                start=np.zeros((6, count), dtype),
+                target=np.zeros((6, count), dtype),
+                old=np.zeros((3, count), dtype),
+                acceleration=np.zeros((3, count), dtype),
+                forces=np.zeros((3, count), dtype),
+                terms=np.zeros(size, INNER),
+                sums=np.zeros((3, chunks)),
+                largest=np.zeros(chunks),
+            ),
+            scratch=tuple(np.zeros((3, size), INNER) for _ in range(ranks)),
             counts=np.zeros((ranks, 4), dtype=np.int64),
             penalty=_penalty(assembly, dtype) if assembly.scene.colliders else None,
         )
 
-    def choose_substeps(self, room: ImplicitRoom, duration: float, *, strained: bool = False) -> int:
+    def choose_substeps(self, running: Running, duration: float, *, strained: bool = False) -> int:
         """Number of steps in a frame of `duration` [s]: as asked, or in proportion to 8 at 60 Hz."""
         return self.substeps or max(1, math.ceil(SUBSTEPS * 60.0 * duration - 1e-6))
 
-    def step(
-        self,
-        assembly: Assembly,
-        room: ImplicitRoom,
-        state: State,
-        motion: Motion,
-        *,
-        duration: float,
-        substeps: int,
-        threads: int = 1,
-        journal: Journal | None = None,
-    ) -> int:
-        """Advance `state` in place by a frame of `duration` [s].
+    def begin(self, running: Running) -> None:
+        """Count anew."""
+        running.arrays.counts[:] = 0
 
-        Returns:
-            How many stages were left with a correction above the tolerance.
-        """
-        room.counts[:] = 0
-        super().step(
-            assembly, room, state, motion, duration=duration, substeps=substeps, threads=threads, journal=journal
-        )
-        return int(room.counts[0, UNSOLVED])
+    def unconverged(self, running: Running) -> int:
+        """How many stages were left with a correction above the tolerance."""
+        return int(running.arrays.counts[0, UNSOLVED])
 
-    def _arguments(
-        self, assembly: Assembly, room: ImplicitRoom, rank: int, state: State, motion: Motion
-    ) -> tuple[Problem]:
-        own = assembly.ranks[rank]
+    def units(self, thread: Thread, linker: Linker) -> Order:
+        """The stages of a step, then what contact forces have left to do."""
+        begin = begin_frame(thread)
+        contact = self._contact(thread)
+        if contact is not None:
+            begin.append(Use(find_touchable, contact))
+        return Order(begin, self._step(thread, linker, contact))
+
+    @abstractmethod
+    def _step(self, thread: Thread, linker: Linker, contact: PenaltyContact | None) -> list[Use]:
+        """The units of a step."""
+
+    def _contact(self, thread: Thread) -> PenaltyContact | None:
+        running, contacts = thread.running, thread.contacts
+        arrays: ImplicitArrays = running.arrays
+        if contacts.colliders is None or arrays.penalty is None:
+            return None
+        return PenaltyContact(
+            running.state, arrays.inertia, contacts.free, contacts.colliders, thread.bones, arrays.penalty,
+            arrays.work.target, arrays.work.forces,
+        )  # fmt: skip
+
+    def _problem(self, thread: Thread, linker: Linker, contact: PenaltyContact | None) -> Problem:
+        """The equations of a stage with some contact, or none."""
+        running = thread.running
+        arrays: ImplicitArrays = running.arrays
+        residual = forces(thread, list(arrays.forces), arrays.work.forces, arrays.room[thread.rank])
+        if contact is not None:
+            residual.append(Use(press_colliders, contact))
+        pressure = thread.contacts.pressure
+        if pressure is not None:
+            residual.append(Use(add_pressure, PressedForces(pressure, arrays.inertia.mass, arrays.work.forces)))
+        linearise, product = self._matrix(thread, contact)
         usual = self.stage / (60.0 * SUBSTEPS)
-        settings = Settings(self.tolerance, usual, self.iterations, self.forcing, self.linear_iterations)
-        return (
-            Problem(
-                state, room.model, room.inertia, room.scratch[rank], room.matrix, room.works[rank], settings,
-                room.counts[rank], motion, own.room, assembly.attached, own.contacts, room.penalty,
+        return Problem(
+            state=running.state,
+            inertia=arrays.inertia,
+            matrix=arrays.matrix,
+            work=arrays.work,
+            settings=Settings(self.tolerance, usual, self.iterations, self.forcing, self.linear_iterations),
+            counts=arrays.counts[thread.rank],
+            residual=linker.program(residual),
+            linearise=linker.program(linearise),
+            product=linker.program(product),
+            penalty=None if contact is None else arrays.penalty,
+        )
+
+    def _matrix(self, thread: Thread, contact: PenaltyContact | None) -> tuple[list[Use], list[Use]]:
+        """What linearises at a state, and what multiplies with the matrix."""
+        running = thread.running
+        arrays: ImplicitArrays = running.arrays
+        links: Links = arrays.forces[Elastic]
+        blocks = Use(set_own, Blocks(arrays.matrix, None if contact is None else contact.penalty.blocks))
+        invert, own = Use(invert_diagonal, arrays.matrix), Use(multiply_own, arrays.matrix)
+        if isinstance(links.springs, GridSprings):
+            assert not isinstance(links.bends, MeshBends)
+            grid = GridStiffness(running.state, links.springs, links.bends, arrays.matrix, arrays.scratch[thread.rank])
+            first, last, product = Use(linearise_springs, grid), Use(add_grid_diagonal, grid), Use(multiply_grid, grid)
+        else:
+            assert not isinstance(links.bends, GridBends)
+            mesh = MeshStiffness(running.state, links.springs, links.bends, arrays.matrix)
+            first, last, product = Use(linearise_mesh, mesh), Use(add_mesh_diagonal, mesh), Use(multiply_mesh, mesh)
+        return [first, *wait(thread), blocks, last, invert], [own, product]
+
+    def _place(self, thread: Thread, at: float) -> Use:
+        """Place the bones, and what they hold, at a share of the step."""
+        running = thread.running
+        return Use(
+            place_bones,
+            Placing(
+                running.state, running.motion, thread.bones, running.assembly.attached, thread.contacts.colliders,
+                running.arrays.work.target, at, self.stage,
             ),
         )  # fmt: skip
+
+    def _end(self, thread: Thread, earlier: Array | None) -> list[Use]:
+        """Move out what a step leaves deeper than contact forces should, or on a fast limb's other side."""
+        penalty = running_penalty(thread)
+        force = None if penalty is None else penalty.force
+        return end_substep(thread, pressing=False, earlier=earlier, share=GUARD, force=force)
+
+
+def running_penalty(thread: Thread) -> Penalty | None:
+    """Contact forces of a run; None without colliders."""
+    return thread.running.arrays.penalty
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,9 +250,16 @@ class BackwardEuler(ImplicitSolver):
     order: ClassVar[float] = 1.0
     stage: ClassVar[float] = 1.0
 
-    @property
-    def _frame(self) -> Callable[..., Any]:
-        return backward_euler_frame
+    def _step(self, thread: Thread, linker: Linker, contact: PenaltyContact | None) -> list[Use]:
+        """One stage, from the step's start to its end."""
+        problem = self._problem(thread, linker, contact)
+        return [
+            self._place(thread, 0.0),
+            Use(aim_backward, problem),
+            self._place(thread, 1.0),
+            Use(solve_stage, Stage(problem, self.stage)),
+            *self._end(thread, None),
+        ]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -246,12 +276,35 @@ class TRBDF2(ImplicitSolver):
     stage: ClassVar[float] = 0.5 * GAMMA
     tolerance: float = 1e-7
 
-    @property
-    def _frame(self) -> Callable[..., Any]:
-        return tr_bdf2_frame
+    def _step(self, thread: Thread, linker: Linker, contact: PenaltyContact | None) -> list[Use]:
+        """A stage of the trapezoidal rule, one of the backward differentiation formula."""
+        problem, work = self._problem(thread, linker, contact), thread.running.arrays.work
+        solve, pressure = Use(solve_stage, Stage(problem, self.stage)), thread.contacts.pressure
+        start = Accelerations(self._problem(thread, linker, None), contact, self.stage)
+        balancing = Accelerations(problem, contact, self.stage)
+        uses = [self._place(thread, 0.0), Use(find_acceleration, start)]
+        if contact is not None:
+            uses.append(Use(hold_back_at_start, balancing))
+        uses += [
+            Use(aim_trapezoid, problem),
+            self._place(thread, GAMMA),
+            solve,
+            Use(aim_bdf2, problem),
+            self._place(thread, 1.0),
+            solve,
+            Use(keep_acceleration, Stage(problem, self.stage)),
+        ]
+        if pressure is not None:
+            uses.append(Use(add_held, PressedAcceleration(pressure, work.acceleration, -1.0)))
+        uses += self._end(thread, work.start)
+        if pressure is not None:
+            uses.append(Use(add_held, PressedAcceleration(pressure, work.acceleration, 1.0)))
+        if contact is not None:
+            uses.append(Use(hold_back, balancing))
+        return uses
 
 
-def matrix_of(assembly: Assembly, model: ForceModel, dtype: type[np.floating]) -> Matrix:
+def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> Matrix:
     """Lay out the matrix of a cloth; see `kernels.implicit.stiffness`."""
     springs, cloth = assembly.springs, assembly.cloth
     count = cloth.vertices
@@ -268,11 +321,11 @@ def matrix_of(assembly: Assembly, model: ForceModel, dtype: type[np.floating]) -
     diagonal = np.zeros(count)
     bends, ends, families = None, None, springs.families
     coefficients = np.zeros((16, size), dtype)
-    if model.mesh is not None:
-        blocks, links, lanes = model.mesh.second.shape
-        coefficients = np.zeros((blocks, links, 4, lanes), dtype)
-        ends = np.zeros(model.mesh.forces.shape, dtype)
-    if families is not None and model.grid_bends is not None:
+    if not isinstance(links.springs, GridSprings):
+        blocks, rows_of_links, lanes = links.springs.second.shape
+        coefficients = np.zeros((blocks, rows_of_links, 4, lanes), dtype)
+        ends = np.zeros(links.springs.forces.shape, dtype)
+    if families is not None and links.bends is not None:
         rows = []
         np.add.at(diagonal, springs.bend_vertices, springs.bend_stiffness[:, None] * springs.bend_coefficients**2)
         for offset, stiffness in zip(families.bend_offsets, families.bend_stiffness, strict=True):
@@ -288,6 +341,10 @@ def matrix_of(assembly: Assembly, model: ForceModel, dtype: type[np.floating]) -
         mass=padded(assembly.mass, 1.0),
         free=padded(assembly.free),
         own=np.zeros((6, size), dtype),
+        inverse=np.zeros((6, size), dtype),
+        vectors=np.zeros((5, 3, size), dtype),
+        damping=links.damping,
+        bend_damping=links.bend_damping,
     )
 
 

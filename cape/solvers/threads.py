@@ -1,7 +1,7 @@
-"""One compiled function on several threads at once, and how many cores there are for that.
+"""Several threads that share a cloth, and how many cores there are for that.
 
-Numba's own threading layers abort or hang when several Python threads enter them. Here the calling thread is one of the
-team, the others are kept between calls, and whoever finds them busy works alone, with the same bits as result.
+The calling thread is one of the team, the others are kept between calls, and whoever finds them busy works alone, with
+the same bits as result.
 """
 
 import math
@@ -11,17 +11,15 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any
 
 import numpy as np
-from numba import _dispatcher, config  # pyright: ignore[reportAttributeAccessIssue]
-from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
-from cape.kernels.records import Team
+from cape.kernels.jit import COMPILER_OFF
 from cape.kernels.team import GONE, LINE
 
-Arguments = Callable[[Team | None], tuple[Any, ...]]
+Work = Callable[[int], None]
+"""What a rank does, given its number."""
 
 CONTROL_GROUPS = Path("/sys/fs/cgroup")
 OWN_GROUPS = Path("/proc/self/cgroup")
@@ -29,16 +27,17 @@ VERTICES_OF_A_THREAD = 1500  # at least
 THREADED_VERTICES = 3000  # from which on a second thread gives half as much speed again
 
 
-def run(frame: Callable[..., Any], arguments: Arguments, size: int) -> int:
-    """Call `frame` on `size` threads at once, each time with what `arguments` gives for that thread's `Team`.
+def run(work: Work, alone: Callable[[], None], arrivals: NDArray[np.int64]) -> int:
+    """Call `work` on several threads at once, each with its rank; or `alone`, if they are busy.
 
-    All arguments are made on the calling thread, which is rank 0, and compiled for before any rank sets out. There is
-    one team at a time in a process: while it works, other callers, and what its own ranks call, run on one thread.
+    There is one team at a time in a process: while it works, other callers, and what its own ranks call, run on one
+    thread. The calling thread is rank 0.
 
     Args:
-        frame: what all ranks call; it must let other threads go on (`nogil`), and meet equally often in all ranks.
-        arguments: what to call it with; called with None for a single thread.
-        size: number of ranks. More than `available_cores` are right, but slow.
+        work: what all ranks do; it must let other threads go on, and meet equally often in all ranks.
+        alone: what does the same on one thread.
+        arrivals: where the ranks meet, a `LINE` of words for each of them. More ranks than `available_cores` are right,
+            but slow.
 
     Returns:
         The number of threads that it ran on.
@@ -47,13 +46,13 @@ def run(frame: Callable[..., Any], arguments: Arguments, size: int) -> int:
         BaseException: what a rank raised, or an interrupt, once all ranks are done; what they wrote is then invalid.
         RuntimeError: the ranks met unequally often, so that what they wrote is invalid.
     """
-    crew = _crew
-    if size <= 1 or config.DISABLE_JIT or crew.working.locked():  # pyright: ignore[reportAttributeAccessIssue]
-        frame(*arguments(None))
+    crew, size = _crew, len(arrivals) // LINE
+    if size <= 1 or COMPILER_OFF or crew.working.locked():
+        alone()
         return 1
     # Two that found it free go one after the other. `with` cannot be interrupted between the lock and what frees it.
     with crew.working:
-        crew.work(frame, arguments, size)
+        crew.work(work, arrivals)
     return size
 
 
@@ -97,19 +96,17 @@ class _Crew:
     def __init__(self) -> None:
         self.working = threading.Lock()
         self._inboxes: list[SimpleQueue[_Share]] = []
-        self._compiled: set[tuple[Callable[..., Any], bytes]] = set()
 
-    def work(self, frame: Callable[..., Any], arguments: Arguments, size: int) -> None:
-        """Call `frame` as all ranks and return when all are done, however it ends."""
-        arrivals = np.zeros(size * LINE, dtype=np.int64)
-        given = [arguments(Team(rank, size, arrivals)) for rank in range(size)]
-        self._compile(frame, given[0])
+    def work(self, work: Work, arrivals: NDArray[np.int64]) -> None:
+        """Call `work` as all ranks and return when all are done, however it ends."""
+        size = len(arrivals) // LINE
+        arrivals[:] = 0
         self._grow(size - 1)
-        shares = [_Share(frame, given[rank], arrivals[rank * LINE :]) for rank in range(1, size)]
+        shares = [_Share(work, rank, arrivals[rank * LINE :]) for rank in range(1, size)]
         try:
             for inbox, share in zip(self._inboxes, shares, strict=False):
                 inbox.put(share)
-            frame(*given[0])
+            work(0)
             meetings = [int(arrivals[0])]
             arrivals[0] = GONE
             for share in shares:
@@ -125,15 +122,6 @@ class _Crew:
         if len(set(meetings)) > 1:
             raise RuntimeError(f"the ranks of a team met unequally often: {', '.join(map(str, meetings))} times")
 
-    def _compile(self, frame: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-        """Compile here, where it can be interrupted, and not while another rank already waits at its first meeting."""
-        if not isinstance(frame, Dispatcher):
-            return
-        key = (frame, _dispatcher.compute_fingerprint(arguments))  # 3 us, where numba's types take 180
-        if key not in self._compiled:
-            frame.compile(tuple(frame.typeof_pyval(argument) for argument in arguments))
-            self._compiled.add(key)
-
     def _grow(self, size: int) -> None:
         while len(self._inboxes) < size:
             inbox: SimpleQueue[_Share] = SimpleQueue()
@@ -147,10 +135,10 @@ class _Share:
     `word` is where the rank counts its meetings.
     """
 
-    def __init__(self, frame: Callable[..., Any], arguments: tuple[Any, ...], word: NDArray[np.int64]) -> None:
+    def __init__(self, work: Work, rank: int, word: NDArray[np.int64]) -> None:
         self.error: BaseException | None = None
         self.meetings = 0
-        self._frame, self._arguments, self._word = frame, arguments, word
+        self._work, self._rank, self._word = work, rank, word
         self._owner: dict[str, str] = {}
         self._unfinished = threading.Lock()
         self._unfinished.acquire()
@@ -159,7 +147,7 @@ class _Share:
         if self._owner.setdefault("name", "runner") != "runner":
             return
         try:
-            self._frame(*self._arguments)
+            self._work(self._rank)
         except BaseException as error:
             self.error = error
         self.meetings = int(self._word[0])

@@ -1,27 +1,29 @@
 """XPBD: position-based dynamics with compliance, solved constraint by constraint in small steps."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cape.assembly.assemble import Assembly, air_model, force_scratch, inertia_of
+from cape.assembly.assemble import Assembly, force_scratch, inertia_of
 from cape.assembly.coloring import by_color
 from cape.cloth.cloth import GridCloth
+from cape.forces.base import Force
+from cape.forces.elastic import Elastic, damping_times
+from cape.forces.registry import forces_of
 from cape.kernels.cloth.grid import GridRoom
-from cape.kernels.records import (
-    Constraints,
-    ForceModel,
-    GridConstraints,
-    Inertia,
-    MeshConstraints,
-    Motion,
-    State,
-)
-from cape.kernels.xpbd.xpbd import xpbd_frame
+from cape.kernels.linking import Linker
+from cape.kernels.program import Use
+from cape.kernels.solve.attachments import Held, aim_attached
+from cape.kernels.state import Inertia
+from cape.kernels.xpbd.formulas import Constraints
+from cape.kernels.xpbd.grid import GridConstraints, GridSweeps, prepare_grid, solve_grid
+from cape.kernels.xpbd.mesh import MeshConstraints, MeshSweeps, prepare_mesh, solve_mesh
+from cape.kernels.xpbd.xpbd import Blown, Falling, blow_all, drift_all, fall_all
 from cape.solvers.base import Precision, Solver
+from cape.solvers.order import Order, begin_frame, end_substep, forces, move_bones, wait
+from cape.solvers.running import Running, Thread
 from motions.errors import ValueRangeError
 
 Array = NDArray[np.floating]
@@ -30,16 +32,16 @@ SUBSTEPS = 40  # per frame at 60 Hz, where none are asked for
 HANDS = 3  # that the rows of a grid are dealt to, see kernels.xpbd.grid
 
 
-class XpbdRoom(NamedTuple):
-    """What the steps of a run share, in its precision: constraints on a grid or a mesh, damping times [s], the air."""
+class XpbdArrays(NamedTuple):
+    """What the steps of a run share, in its precision: constraints on a grid or a mesh, damping times [s], the other
+    forces with their sums (3, N) [N] and scratch of each thread."""
 
-    grid: GridConstraints | None
-    mesh: MeshConstraints | None
+    forces: dict[type[Force], Any]
+    constraints: GridConstraints | MeshConstraints
     damping: float | None
     bend_damping: float | None
-    air: ForceModel | None
     inertia: Inertia
-    forces: Array | None
+    total: Array
     scratch: tuple[GridRoom | None, ...]
 
 
@@ -73,37 +75,50 @@ class XPBD(Solver):
         if self.iterations < 1:
             raise ValueRangeError(f"iterations must be 1 or more, not {self.iterations}")
 
-    def init(self, assembly: Assembly) -> XpbdRoom:
+    def arrays(self, assembly: Assembly) -> XpbdArrays:
         """Turn springs into constraints: by family on a grid, by colour on a mesh."""
-        dtype, fabric, cloth = self.dtype(assembly), assembly.cloth.fabric, assembly.cloth
-        windy = assembly.scene.wind is not None
-        return XpbdRoom(
-            grid=self._grid(assembly, cloth, dtype) if isinstance(cloth, GridCloth) else None,
-            mesh=None if isinstance(cloth, GridCloth) else self._mesh(assembly, dtype),
-            damping=fabric.damping_time or None,
-            bend_damping=(fabric.bend_damping_time or None) if len(assembly.springs.bend_stiffness) else None,
-            air=air_model(assembly, dtype) if windy else None,
+        dtype, cloth = self.dtype(assembly), assembly.cloth
+        damping, bend_damping = damping_times(assembly)
+        others = [force for force in forces_of(assembly.scene) if force is not Elastic]
+        grid = isinstance(cloth, GridCloth)
+        return XpbdArrays(
+            forces={force: force.arrays(assembly, dtype) for force in others},
+            constraints=self._grid(assembly, cloth, dtype) if grid else self._mesh(assembly, dtype),
+            damping=damping,
+            bend_damping=bend_damping,
             inertia=inertia_of(assembly, dtype),
-            forces=np.zeros((3, cloth.vertices), dtype=dtype) if windy else None,
-            scratch=force_scratch(assembly, dtype) if windy else (None,) * len(assembly.ranks),
+            total=np.zeros((3, cloth.vertices), dtype=dtype),
+            scratch=force_scratch(assembly, dtype) if others else (None,) * len(assembly.ranks),
         )
 
-    def choose_substeps(self, room: XpbdRoom, duration: float, *, strained: bool = False) -> int:
+    def choose_substeps(self, running: Running, duration: float, *, strained: bool = False) -> int:
         """Number of steps in a frame of `duration` [s]: as asked, or in proportion to 40 at 60 Hz."""
         return self.substeps or max(1, round(SUBSTEPS * 60.0 * duration))
 
-    @property
-    def _frame(self) -> Callable[..., Any]:
-        return xpbd_frame
+    def units(self, thread: Thread, linker: Linker) -> Order:
+        """Predict velocities, sweep over the constraints, move; then contact."""
+        running, assembly = thread.running, thread.running.assembly
+        arrays: XpbdArrays = running.arrays
+        prepare, solve = self._sweeps(running)
+        uses = []
+        if arrays.forces:
+            uses += forces(thread, list(arrays.forces), arrays.total, arrays.scratch[thread.rank])
+            uses += [*wait(thread), Use(blow_all, Blown(running.state, arrays.inertia, arrays.total))]
+        uses += [Use(fall_all, Falling(running.state, arrays.inertia)), *move_bones(thread)]
+        if assembly.attached is not None:
+            uses.append(Use(aim_attached, Held(running.state, assembly.attached, thread.bones)))
+        uses += [*wait(thread), solve, *wait(thread), Use(drift_all, running.state), *end_substep(thread)]
+        return Order(begin=[*begin_frame(thread), prepare], substep=[*uses, *wait(thread)])
 
-    def _arguments(
-        self, assembly: Assembly, room: XpbdRoom, rank: int, state: State, motion: Motion
-    ) -> tuple[Any, ...]:
-        own = assembly.ranks[rank]
-        return (
-            state, room.grid, room.mesh, room.damping, room.bend_damping, room.air, room.inertia, room.forces,
-            room.scratch[rank], motion, own.room, assembly.attached, own.contacts, self.iterations,
-        )  # fmt: skip
+    def _sweeps(self, running: Running) -> tuple[Use, Use]:
+        """What sets the gains of a frame, and what goes through all constraints."""
+        arrays: XpbdArrays = running.arrays
+        c, times = arrays.constraints, (arrays.damping, arrays.bend_damping)
+        if isinstance(c, GridConstraints):
+            grid = GridSweeps(running.state, c, *times, self.iterations)
+            return Use(prepare_grid, grid), Use(solve_grid, grid)
+        mesh = MeshSweeps(running.state, c, arrays.inertia.inverse_mass, *times, self.iterations)
+        return Use(prepare_mesh, mesh), Use(solve_mesh, mesh)
 
     def _grid(self, assembly: Assembly, cloth: GridCloth, dtype: type[np.floating]) -> GridConstraints:
         families, weights, columns = assembly.springs.families, assembly.inverse_mass, cloth.columns

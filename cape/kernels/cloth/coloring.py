@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from cape.kernels.jit import driver
+from cape.kernels.jit import routine
 
 
-@driver
+@routine
 def first_fit(members, met, colors):
     """Give each of E constraints on m vertices (E, m) the first colour that none of its vertices has met.
 

@@ -1,13 +1,13 @@
 """Small least-squares problems with weights that must not be negative, many at once."""
 
-from cape.kernels.jit import driver
+from cape.kernels.jit import routine
 
 STILL = 1e-13  # change of all weights in a sweep at which there is nothing more to gain
 FIRST_RIDGE = 1.0
 FALL = 0.9  # of the ridge from sweep to sweep
 
 
-@driver
+@routine
 def fit_weights(vectors, target, sweeps, ridge, normal, wanted, weights):
     """Find weights q >= 0 of S unit vectors (P, S, K) whose sum is nearest to a target (K,), for each of P problems.
 

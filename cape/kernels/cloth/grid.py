@@ -17,7 +17,11 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from cape.kernels.absent import typed
-from cape.kernels.jit import driver, inlined, kernel
+from cape.kernels.jit import inlined, kernel, routine, unit
+from cape.kernels.state import State
+
+Array = NDArray[np.floating]
+Indices = NDArray[np.int64]
 
 LANES = 16  # floats in a vector; stores of a tile start on its border
 STRIDE = 16384 + 3 * LANES  # no power of two: arrays would compete for the same lines of the cache
@@ -31,6 +35,34 @@ RIGHT, DOWN, DIAGONAL, ANTIDIAGONAL = (np.uint64(3 * k * STRIDE) for k in range(
 TO_Y, TO_Z = np.uint64(STRIDE), np.uint64(2 * STRIDE)
 # The same room for the air: on a cell's first corner, on the two that its triangles share, and on the last.
 FIRST, SHARED, LAST = RIGHT, DOWN, DIAGONAL
+
+
+class GridSprings(NamedTuple):
+    """Springs of a grid cloth by family, zero where a spring would leave the grid.
+
+    `offsets` (4,) to the right, down and along both diagonals; `stiffness` [N/m] and `rest` [m] (4, N).
+    """
+
+    offsets: Indices
+    stiffness: Array
+    rest: Array
+
+
+class GridBends(NamedTuple):
+    """Bend springs of a grid cloth, across and down: `offsets` (2,), `stiffness` [N/m] (2, N)."""
+
+    offsets: Indices
+    stiffness: Array
+
+
+class GridAir(NamedTuple):
+    """Uniform wind [m/s] (3,), rho Cd / 12 and rho Cl / 12 [kg/m3], and 1 where a grid cell starts, (N,)."""
+
+    wind: Array
+    drag: float
+    lift: float
+    cells: Array
+    columns: int
 
 
 class GridRoom(NamedTuple):
@@ -52,32 +84,65 @@ def _aligned(size: int, dtype: DTypeLike) -> NDArray[np.floating]:
     return array[start : start + size]
 
 
-@driver
-def grid_forces(lo, hi, s, offsets, stiffness, rest, damping, bend_stiffness, bend_damping, fx, fy, fz, room):
-    """Set f[lo:hi] to the forces of springs and bend springs on these vertices [N].
+class GridForces(NamedTuple):
+    """Springs and bend springs of a grid cloth, which set `forces` (3, N) [N]; what it lacks is None.
 
-    `offsets` are (1, c, c + 1, c - 1) for c columns, 2 to `MOST_COLUMNS`; `stiffness` [N/m] and `rest` [m] have shape
-    (4, N), `bend_stiffness` [N/m], across and down, (2, N). `bend_stiffness` is None without bending, a damping time
-    [s] without damping. The bits of f don't depend on where a range of vertices is split.
+    `damping` and `bend_damping` are damping times [s]; `room` is the scratch of a thread.
     """
-    columns = offsets[1]
+
+    state: State
+    springs: GridSprings
+    bends: GridBends | None
+    damping: float | None
+    bend_damping: float | None
+    forces: Array
+    room: GridRoom
+
+
+class GridAirForces(NamedTuple):
+    """Air around a grid cloth, which adds to `forces` (3, N) [N]; `room` is the scratch of a thread."""
+
+    state: State
+    air: GridAir
+    forces: Array
+    room: GridRoom
+
+
+@unit
+def grid_springs(g, team, substep, substeps, step):
+    """Set the forces on a thread's vertices to those of the springs."""
+    grid_forces(g, team.lo, team.hi)
+
+
+@unit
+def grid_air(g, team, substep, substeps, step):
+    """Add the forces of the air on a thread's vertices."""
+    grid_air_forces(g, team.lo, team.hi)
+
+
+@routine
+def grid_forces(g, lo, hi):
+    """Set the forces of `GridForces` on vertices lo to hi.
+
+    Offsets of springs are (1, c, c + 1, c - 1) for c columns, 2 to `MOST_COLUMNS`. The bits of forces don't depend on
+    where a range of vertices is split.
+    """
+    columns, fluxes = g.springs.offsets[1], g.room.fluxes
+    fx, fy, fz = g.forces[0], g.forces[1], g.forces[2]
     reach = columns + 1
     tile = tile_size(columns)
     to = round_up(reach)
-    damping, bend_damping = typed(damping, s.x), typed(bend_damping, s.x)
     # What arrives from vertices before lo, where there are any.
     start = max(lo - reach, 0)
-    clear(np.uint64(to - reach), np.uint64(reach), room.fluxes)
+    clear(np.uint64(to - reach), np.uint64(reach), fluxes)
     if start < lo:
-        spring_tile(
-            start, lo, to - (lo - start), columns, s, stiffness, rest, damping, bend_stiffness, bend_damping, room
-        )
+        spring_tile(g, start, lo, to - (lo - start))
     for begin in range(lo, hi, tile):
         end = min(begin + tile, hi)
-        spring_tile(begin, end, to, columns, s, stiffness, rest, damping, bend_stiffness, bend_damping, room)
-        add_up(np.uint64(begin), np.uint64(end - begin), np.uint64(to), np.uint64(columns), room.fluxes, fx, fy, fz)
+        spring_tile(g, begin, end, to)
+        add_up(np.uint64(begin), np.uint64(end - begin), np.uint64(to), np.uint64(columns), fluxes, fx, fy, fz)
         if end < hi:
-            keep_tail(np.uint64(to + tile - reach), np.uint64(to - reach), np.uint64(reach), room.fluxes)
+            keep_tail(np.uint64(to + tile - reach), np.uint64(to - reach), np.uint64(reach), fluxes)
 
 
 @inlined
@@ -93,9 +158,18 @@ def round_up(count):
 
 
 @inlined
-def spring_tile(begin, end, to, columns, s, stiffness, rest, damping, bend_stiffness, bend_damping, room):
+def stiffness_of(bends):
+    """Stiffness of bend springs; None for none."""
+    if bends is None:
+        return None
+    return bends.stiffness
+
+
+@routine
+def spring_tile(g, begin, end, to):
     """Fluxes of the springs that start from vertices begin to end, to the room's place `to`."""
-    n, window = s.x.size, room.window
+    s, n, window, columns = g.state, g.state.x.size, g.room.window, g.springs.offsets[1]
+    damping, bend_damping, bends = typed(g.damping, s.x), typed(g.bend_damping, s.x), stiffness_of(g.bends)
     at = round_up(columns)
     # Bend springs reach `columns` back and twice as far ahead. Where there is no vertex, the window has zeros.
     first, last = begin - at, end + round_up(2 * columns)
@@ -107,11 +181,11 @@ def spring_tile(begin, end, to, columns, s, stiffness, rest, damping, bend_stiff
         last = n
     copy_state(
         np.uint64(first), np.uint64(last - first), np.uint64(at + first - begin),
-        s.x, s.y, s.z, s.vx, s.vy, s.vz, damping, bend_stiffness, bend_damping, window,
+        s.x, s.y, s.z, s.vx, s.vy, s.vz, damping, bends, bend_damping, window,
     )  # fmt: skip
     set_fluxes(
         np.uint64(begin), np.uint64(end - begin), np.uint64(at), np.uint64(to), np.uint64(columns),
-        window, stiffness, rest, damping, bend_stiffness, room.fluxes,
+        window, g.springs.stiffness, g.springs.rest, damping, bends, g.room.fluxes,
     )  # fmt: skip
 
 
@@ -234,40 +308,39 @@ def net_flux(o, columns, fluxes):
     return (across + along) + (diagonal + antidiagonal)
 
 
-@driver
-def grid_air_forces(lo, hi, s, wind, drag, lift, cells, columns, fx, fy, fz, room):
-    """Add the forces of the air to f[lo:hi] [N].
-
-    `wind` is its velocity [m/s] (3,), `drag` and `lift` are rho Cd / 12 and rho Cl / 12 [kg/m3], `cells` (N,) is 1
-    where a vertex is the first corner of a cell, otherwise 0. Splits as `grid_forces`.
-    """
+@routine
+def grid_air_forces(g, lo, hi):
+    """Add the forces of `GridAirForces` on vertices lo to hi; splits as `grid_forces`."""
+    columns, fluxes = g.air.columns, g.room.fluxes
+    fx, fy, fz = g.forces[0], g.forces[1], g.forces[2]
     reach = columns + 1
     tile = tile_size(columns)
     to = round_up(reach)
     start = max(lo - reach, 0)
-    clear(np.uint64(to - reach), np.uint64(reach), room.fluxes)
+    clear(np.uint64(to - reach), np.uint64(reach), fluxes)
     if start < lo:
-        air_tile(start, lo, to - (lo - start), s, wind, drag, lift, cells, columns, room)
+        air_tile(g, start, lo, to - (lo - start))
     for begin in range(lo, hi, tile):
         end = min(begin + tile, hi)
-        air_tile(begin, end, to, s, wind, drag, lift, cells, columns, room)
-        add_up_air(np.uint64(begin), np.uint64(end - begin), np.uint64(to), np.uint64(columns), room.fluxes, fx, fy, fz)
+        air_tile(g, begin, end, to)
+        add_up_air(np.uint64(begin), np.uint64(end - begin), np.uint64(to), np.uint64(columns), fluxes, fx, fy, fz)
         if end < hi:
-            keep_tail(np.uint64(to + tile - reach), np.uint64(to - reach), np.uint64(reach), room.fluxes)
+            keep_tail(np.uint64(to + tile - reach), np.uint64(to - reach), np.uint64(reach), fluxes)
 
 
-@inlined
-def air_tile(begin, end, to, s, wind, drag, lift, cells, columns, room):
+@routine
+def air_tile(g, begin, end, to):
     """Forces on the corners of the cells that start from vertices begin to end, to the room's place `to`."""
-    dtype = s.x.dtype.type
+    s, air = g.state, g.air
+    dtype, wind = s.x.dtype.type, air.wind
     # The last row starts no cells.
-    last = max(begin, min(end, s.x.size - columns - 1))
+    last = max(begin, min(end, s.x.size - air.columns - 1))
     set_air_forces(
-        np.uint64(begin), np.uint64(last - begin), np.uint64(to), np.uint64(columns),
-        s.x, s.y, s.z, s.vx, s.vy, s.vz, cells, dtype(wind[0]), dtype(wind[1]), dtype(wind[2]),
-        dtype(1.0 / 3.0), dtype(drag), dtype(lift), room.fluxes,
+        np.uint64(begin), np.uint64(last - begin), np.uint64(to), np.uint64(air.columns),
+        s.x, s.y, s.z, s.vx, s.vy, s.vz, air.cells, dtype(wind[0]), dtype(wind[1]), dtype(wind[2]),
+        dtype(1.0 / 3.0), dtype(air.drag), dtype(air.lift), g.room.fluxes,
     )  # fmt: skip
-    clear(np.uint64(to + last - begin), np.uint64(end - last), room.fluxes)
+    clear(np.uint64(to + last - begin), np.uint64(end - last), g.room.fluxes)
 
 
 @kernel

@@ -1,19 +1,23 @@
 """Measures of a cloth at one instant, in double precision, apart from what the solvers use to decide."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cape.kernels.bones import set_pose
-from cape.kernels.contact.shapes import MOMENT, distance_to, place
-from cape.kernels.jit import driver
+from cape.kernels.bones import MotionRoom, set_pose
+from cape.kernels.contact.shapes import MOMENT, Colliders, distance_to, place
+from cape.kernels.contact.watch import TILE, look
+from cape.kernels.jit import routine
+from cape.kernels.state import State
 
 BINS = 4096  # of the histogram of strain
 NEAR = 1e-4  # m beyond a collider's thickness at which a vertex still touches it: rounding, and what a step leaves
 WIDEST = 0.4096  # strain at which the histogram ends; what lies above is counted in the last bin
 
 
-@driver
+@routine
 def strain(x, y, z, first, second, rest, histogram):
     """Largest strain of the given springs; adds all of them to the histogram, compression to its first bin."""
     largest = -1.0
@@ -26,7 +30,7 @@ def strain(x, y, z, first, second, rest, histogram):
     return largest
 
 
-@driver
+@routine
 def is_strained(x, y, z, first, second, rest, limit):
     """Tell whether any of the given springs is strained by more than the limit."""
     many = np.int64(0)
@@ -38,7 +42,7 @@ def is_strained(x, y, z, first, second, rest, limit):
     return many > 0
 
 
-@driver
+@routine
 def whereabouts(x, y, z, vx, vy, vz, farthest, fastest):
     """Mean position [m] of the vertices, and whether all coordinates [m] and velocities [m/s] are below the bounds.
 
@@ -56,7 +60,7 @@ def whereabouts(x, y, z, vx, vy, vz, farthest, fastest):
     return sum_x / x.size, sum_y / x.size, sum_z / x.size, sound
 
 
-@driver
+@routine
 def kinetic_energy(mass, vx, vy, vz):
     """Kinetic energy of the vertices [J]."""
     total = 0.0
@@ -65,31 +69,52 @@ def kinetic_energy(mass, vx, vy, vz):
     return total
 
 
-@driver
-def touching(x, y, z, counted, shapes, positions, rotations, m, vertices, colliders, places):
-    """Find the contacts of the counted vertices with shapes, and the deepest penetration.
+class Touch(NamedTuple):
+    """Vertices of a cloth, of which some are `counted`, and colliders that they may touch.
 
-    The bones `m` are put at positions [m] (B, 3) and rotations bone_to_world wxyz (B, 4). A contact is a vertex within
-    a shape's thickness or `NEAR` beyond it; as many as there is room for are written to `vertices` and `colliders` (R,)
-    and `places` (R, 7): the point on the surface [m], the normal, and the depth in the thickness [m].
-
-    Returns the deepest penetration [m] and the shape, -1 for none, and how many contacts there are.
+    `positions` [m] (B, 3) and `rotations` bone_to_world wxyz (B, 4) are of the bones; `vertices` and `colliders` (R,)
+    and `places` (R, 7) are room for contacts.
     """
-    set_pose(positions, rotations, m)
+
+    state: State
+    counted: NDArray[np.bool_]
+    shapes: Colliders
+    bones: MotionRoom
+    positions: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+    vertices: NDArray[np.int64]
+    colliders: NDArray[np.int64]
+    places: NDArray[np.float64]
+
+
+@routine
+def touching(g):
+    """Find the contacts of the counted vertices with colliders, and the deepest penetration; moves the bones there.
+
+    A contact is a vertex within a collider's thickness or `NEAR` beyond it; as many as there is room for are written:
+    the point on the surface [m], the normal, and the depth in the thickness [m].
+
+    Returns the deepest penetration [m] and the collider, -1 for none, and how many contacts there are.
+    """
+    x, y, z, shapes, vertices, colliders = g.state.x, g.state.y, g.state.z, g.shapes, g.vertices, g.colliders
+    set_pose(g.positions, g.rotations, g.bones)
     shapes.clock[MOMENT] += 1
     deepest, which, count = 0.0, -1, 0
-    for c in range(shapes.colliders.size):
-        place(shapes, c, m.positions, m.matrices)
-        thickness = shapes.colliders[c].thickness
-        for i in range(x.size):
-            if counted[i]:
-                distance, nx, ny, nz = distance_to(shapes, c, x[i], y[i], z[i])
-                if -distance > deepest:
-                    deepest, which = -distance, c
-                if distance < thickness + NEAR:
+    for c in range(shapes.records.size):
+        place(shapes, c, g.bones)
+        thickness = shapes.records[c].thickness
+        for start in range(0, x.size, TILE):
+            end = min(start + TILE, x.size)
+            if look(shapes, c, g.state, start, end, max(thickness + NEAR, 0.0)) >= 0.0:
+                continue
+            for i in range(start, end):
+                if g.counted[i] and shapes.points.gaps[i - start] < 0.0:
+                    distance, nx, ny, nz = distance_to(shapes, c, x[i], y[i], z[i])
+                    if -distance > deepest:
+                        deepest, which = -distance, c
                     if count < vertices.size:
                         vertices[count], colliders[count] = i, c
-                        row = places[count]
+                        row = g.places[count]
                         row[0], row[1], row[2] = x[i] - distance * nx, y[i] - distance * ny, z[i] - distance * nz
                         row[3], row[4], row[5], row[6] = nx, ny, nz, thickness - distance
                     count += 1

@@ -14,12 +14,19 @@ halves the loads. Triangles in the air belong to one of their corners in the sam
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cape.kernels.absent import typed
 from cape.kernels.cloth.grid import triangle_air_force
-from cape.kernels.jit import driver, inlined, kernel
+from cape.kernels.jit import inlined, kernel, routine, unit
+from cape.kernels.state import State
 from cape.kernels.team import meet
+
+Array = NDArray[np.floating]
+Indices = NDArray[np.int64]
 
 BLOCK = 64  # vertices whose links are computed in one go; ranks start at multiples of it
 SLICE = 8  # vertices with equally long lists: longer slices have more padding, shorter ones more mispredicted loops
@@ -27,60 +34,127 @@ ENDS = 3 * BLOCK  # words that a row of other ends fills, numbers that its force
 NEXT = np.uint64(BLOCK)  # from one component of a force to the next
 
 
-@driver
-def mesh_forces(lo, hi, s, springs, bends, damping, bend_damping, fx, fy, fz, team):
-    """Set the forces on vertices lo to hi [N] to those of the springs, and of bending if `bends` is not None.
+class MeshSprings(NamedTuple):
+    """Links between vertices of a mesh, each owned by one end: D rows for each block of vertices.
 
-    `springs` and `bends` are records of the same links. Damping times [s] are None for no damping.
+    `second`, the other ends, `stiffness` [N/m] and `rest` [m] of their springs, 0 and 1 for no spring, (blocks, D,
+    BLOCK); `sorted_vertices` (N,), those of each block by the number of links that others own, `start` (slices + 1,)
+    and `incoming`, for each of them in slices the places of those links in `forces`. Room: `words` for coordinates with
+    their velocities (3, N); `room` for a block's own ends, other ends and sums, each rank using the line of its first
+    block; `forces` on the other ends [N], flat, three components of BLOCK for each row of each block and of a row of
+    zeros, for padding.
     """
+
+    second: NDArray[np.uint32]
+    stiffness: Array
+    rest: Array
+    sorted_vertices: NDArray[np.uint32]
+    start: Indices
+    incoming: NDArray[np.uint32]
+    words: NDArray[np.generic]
+    room: NDArray[np.generic]
+    forces: Array
+
+
+class MeshBends(NamedTuple):
+    """Bending of a mesh: its force on a link's owner is `weight` [N/m] times the vector to the other end, as `rest`."""
+
+    weight: Array
+
+
+class MeshAir(NamedTuple):
+    """Uniform wind [m/s] (3,), rho Cd / 12 and rho Cl / 12 [kg/m3], on triangles that one corner owns, D rows a block.
+
+    `second` and `third` (blocks, D, BLOCK) are the other corners; the rest as in MeshSprings.
+    """
+
+    wind: Array
+    drag: float
+    lift: float
+    second: NDArray[np.uint32]
+    third: NDArray[np.uint32]
+    sorted_vertices: NDArray[np.uint32]
+    start: Indices
+    incoming: NDArray[np.uint32]
+    words: NDArray[np.generic]
+    room: NDArray[np.generic]
+    forces: Array
+
+
+class MeshForces(NamedTuple):
+    """Springs of a mesh, and bending along the same links, which set `forces` (3, N) [N]; what it lacks is None.
+
+    `damping` and `bend_damping` are damping times [s].
+    """
+
+    state: State
+    springs: MeshSprings
+    bends: MeshBends | None
+    damping: float | None
+    bend_damping: float | None
+    forces: Array
+
+
+class MeshAirForces(NamedTuple):
+    """Air around a mesh, which adds to `forces` (3, N) [N]."""
+
+    state: State
+    air: MeshAir
+    forces: Array
+
+
+@unit
+def mesh_springs(g, team, substep, substeps, step):
+    """Set the forces on a thread's vertices to those of the springs, and of bending where there is any."""
+    s, springs = g.state, g.springs
+    lo, hi, fx, fy, fz = team.lo, team.hi, g.forces[0], g.forces[1], g.forces[2]
     pack(lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, springs.words)
     meet(team)
-    pull_all(lo, hi, s, springs, bends, damping, bend_damping, fx, fy, fz)
+    pull_all(g, g.bends, g.damping, lo, hi)
     meet(team)
     collect(lo, hi, springs.sorted_vertices, springs.start, springs.incoming, springs.forces, fx, fy, fz)
 
 
-@driver
-def pull_all(lo, hi, s, springs, bends, damping, bend_damping, fx, fy, fz):
+@routine
+def pull_all(g, bends, damping, lo, hi):
     """Pass on what `pull` needs.
 
     No damping is a zero: left out, LLVM would load every other number by vector gathers, which cost more (14 ns instead
     of 12 for a vertex).
     """
+    s, springs = g.state, g.springs
+    fx, fy, fz = g.forces[0], g.forces[1], g.forces[2]
     tiny = s.x.dtype.type(1e-18)
-    if damping is None:
-        damping = s.x.dtype.type(0.0)
+    tau = s.x.dtype.type(0.0)
+    if damping is not None:
+        tau = s.x.dtype.type(damping)
     if bends is not None:
         pull(
             lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, springs.words, springs.second, springs.stiffness, springs.rest,
-            bends.weight, damping, bend_damping, tiny, springs.room, springs.forces, fx, fy, fz,
+            bends.weight, tau, typed(g.bend_damping, s.x), tiny, springs.room, springs.forces, fx, fy, fz,
         )  # fmt: skip
     else:
         pull(
             lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, springs.words, springs.second, springs.stiffness, springs.rest,
-            None, damping, None, tiny, springs.room, springs.forces, fx, fy, fz,
+            None, tau, None, tiny, springs.room, springs.forces, fx, fy, fz,
         )  # fmt: skip
 
 
-@driver
-def mesh_air_forces(lo, hi, s, air, fx, fy, fz, team):
-    """Add the forces of the air on the triangles to the forces on vertices lo to hi [N]."""
+@unit
+def mesh_air(g, team, substep, substeps, step):
+    """Add the forces of the air on the triangles to the forces on a thread's vertices."""
+    s, air = g.state, g.air
+    lo, hi, fx, fy, fz = team.lo, team.hi, g.forces[0], g.forces[1], g.forces[2]
+    dtype = s.x.dtype.type
     pack(lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, air.words)
     meet(team)
-    push_all(lo, hi, s, air, fx, fy, fz)
-    meet(team)
-    collect(lo, hi, air.sorted_vertices, air.start, air.incoming, air.forces, fx, fy, fz)
-
-
-@driver
-def push_all(lo, hi, s, air, fx, fy, fz):
-    """Pass on what `push` needs."""
-    dtype = s.x.dtype.type
     push(
         lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, air.words, air.second, air.third,
         dtype(air.wind[0]), dtype(air.wind[1]), dtype(air.wind[2]),
         dtype(1.0 / 3.0), dtype(air.drag), dtype(air.lift), air.room, air.forces, fx, fy, fz,
     )  # fmt: skip
+    meet(team)
+    collect(lo, hi, air.sorted_vertices, air.start, air.incoming, air.forces, fx, fy, fz)
 
 
 @kernel

@@ -1,9 +1,9 @@
 """Giving the springs or triangles of a mesh to their vertices, so that all own about as many."""
 
-from cape.kernels.jit import driver
+from cape.kernels.jit import routine
 
 
-@driver
+@routine
 def share_items(items, owned, count, giver, taken, seen, queue):
     """Give each item (L, m) to one of its m vertices; filled are `owned` (V, D), items by owner, and `count` (V,).
 
@@ -30,7 +30,7 @@ def share_items(items, owned, count, giver, taken, seen, queue):
             search += 1
 
 
-@driver
+@routine
 def pass_on(vertex, search, most, items, owned, count, giver, taken, seen, queue):
     """Take one item from a vertex, in a chain that ends at one who owns less than `most`; False if there is none.
 
@@ -59,7 +59,7 @@ def pass_on(vertex, search, most, items, owned, count, giver, taken, seen, queue
     return False
 
 
-@driver
+@routine
 def hand_over(item, giver, taker, owned, count):
     """Move an item from one owner to another."""
     place = 0

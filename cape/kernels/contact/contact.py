@@ -11,10 +11,14 @@ convex, the nearest distance tells how far it can go before it may touch (conser
 """
 
 import math
+from typing import NamedTuple
 
-from cape.kernels.bones import velocity_at
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.kernels.bones import MotionRoom, velocity_at
 from cape.kernels.contact.pinch import hold_pinched, note
-from cape.kernels.contact.shapes import DUE, direction_to_world, distance_to, into_shape, nearest, place
+from cape.kernels.contact.shapes import DUE, Colliders, direction_to_world, distance_to, into_shape, nearest, place
 from cape.kernels.contact.watch import (
     GAIN,
     JOLT,
@@ -29,7 +33,8 @@ from cape.kernels.contact.watch import (
     tiles,
     were_alarmed,
 )
-from cape.kernels.jit import driver, inlined
+from cape.kernels.jit import inlined, routine
+from cape.kernels.state import State
 
 EXIT = 3.0  # m/s at which a vertex that is inside leaves
 PASSES = 6  # around the colliders that a vertex is between
@@ -39,6 +44,24 @@ DEEP = 0.5  # of a collider's core, beyond which a vertex may be drawn past its 
 SKIN = 0.25  # share of the thickness in which a way is stopped
 ADVANCES = 32  # along a way
 ARRIVED = 1e-5  # m from the skin
+
+
+class Contact(NamedTuple):
+    """The cloth and what it can't enter.
+
+    `inverse_mass` [1/kg] and `free`, False for attached vertices, (V,); `earlier` are the positions at a step's start
+    (at least 3, V), None where they are x - step v; `share` of the thickness is kept; `settled` (1,) is the last turn
+    in which triangles left nothing to do for vertices.
+    """
+
+    state: State
+    inverse_mass: NDArray[np.floating]
+    free: NDArray[np.bool_]
+    earlier: NDArray[np.floating] | None
+    colliders: Colliders
+    bones: MotionRoom
+    share: float
+    settled: NDArray[np.int64]
 
 
 @inlined
@@ -58,14 +81,15 @@ def stopped(rx, ry, rz, nx, ny, nz, friction):
 
 
 @inlined
-def respond(i, depth, nx, ny, nz, bone, friction, step, most, m, s):
-    """Stop vertex i, `depth` [m] too deep along the unit normal n, at the surface that moves with `bone`.
+def respond(contact, c, i, depth, nx, ny, nz, step, most):
+    """Stop vertex i, `depth` [m] too deep along the unit normal n, at the surface of collider c, which moves.
 
     Its position changes by what its velocity does, times the `step` [s], and by at most `most` [m] for the depth that
     is left. Returns the speed [m/s] that it had into the surface.
     """
-    sx, sy, sz = velocity_at(bone, s.x[i], s.y[i], s.z[i], m)
-    rx, ry, rz, inwards = stopped(s.vx[i] - sx, s.vy[i] - sy, s.vz[i] - sz, nx, ny, nz, friction)
+    s, record = contact.state, contact.colliders.records[c]
+    sx, sy, sz = velocity_at(record.bone, s.x[i], s.y[i], s.z[i], contact.bones)
+    rx, ry, rz, inwards = stopped(s.vx[i] - sx, s.vy[i] - sy, s.vz[i] - sz, nx, ny, nz, record.friction)
     if inwards > 0.0:
         ux, uy, uz = sx + rx, sy + ry, sz + rz
         mx, my, mz = step * (ux - s.vx[i]), step * (uy - s.vy[i]), step * (uz - s.vz[i])
@@ -82,8 +106,8 @@ def respond(i, depth, nx, ny, nz, bone, friction, step, most, m, s):
     return inwards
 
 
-@inlined
-def leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m, noting):
+@routine
+def leave(contact, c, start, end, thickness, step, noting):
     """Stop the free ones of vertices start to end that are within `thickness` [m] of collider c, as `gaps` tells.
 
     One that is deep leaves by the side on which it was when the step began: strained springs may draw it past the
@@ -91,34 +115,32 @@ def leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m, not
 
     Returns the highest speed [m/s] into the surface, 0 where they move out of it, and -1 where none is as near.
     """
-    hardest = -1.0
-    collider = shapes.colliders[c]
+    s, colliders = contact.state, contact.colliders
+    gaps, core, hardest, most = colliders.points.gaps, colliders.records[c].core, -1.0, EXIT * step
     for i in range(start, end):
-        if shapes.gaps[i - start] < 0.0 and free[i] and not shapes.pinched[i]:
+        if gaps[i - start] < 0.0 and contact.free[i] and not colliders.pinched[i]:
             if noting:
-                note(shapes, s, i, i - start)
-            distance, nx, ny, nz = distance_to(shapes, c, s.x[i], s.y[i], s.z[i])
-            if distance < -DEEP * collider.core:
-                distance, nx, ny, nz = from_where_it_came(i, s, earlier, shapes, c, step, m)
-            speed = respond(
-                i, thickness - distance, nx, ny, nz, collider.bone, collider.friction, step, most, m, s
-            )  # fmt: skip
+                note(colliders, s, i, i - start)
+            distance, nx, ny, nz = distance_to(colliders, c, s.x[i], s.y[i], s.z[i])
+            if distance < -DEEP * core:
+                distance, nx, ny, nz = from_where_it_came(contact, c, i, step)
+            speed = respond(contact, c, i, thickness - distance, nx, ny, nz, step, most)
             hardest = max(hardest, max(speed, 0.0))
     return hardest
 
 
 @inlined
-def from_where_it_came(i, s, earlier, shapes, c, step, m):
+def from_where_it_came(contact, c, i, step):
     """Distance of vertex i from the plane by which it was nearest to collider c's outside when the step began.
 
     Less than nothing as deep as it is behind that plane; returns the normal there, too.
     """
-    b, r = shapes.colliders[c].bone, shapes.colliders[c].placed
-    x, y, z = at_start(i, s, earlier, b, r, turn_of(b, step, m), step, m)
-    distance, nx, ny, nz = nearest(shapes, c, x, y, z)
-    ex, ey, ez = into_shape(r, s.x[i], s.y[i], s.z[i])
+    s, record = contact.state, contact.colliders.records[c]
+    x, y, z = at_start(contact, c, i, turn_of(record.bone, step, contact.bones), step)
+    distance, nx, ny, nz = nearest(contact.colliders, c, x, y, z)
+    ex, ey, ez = into_shape(record.placed, s.x[i], s.y[i], s.z[i])
     distance += nx * (ex - x) + ny * (ey - y) + nz * (ez - z)
-    nx, ny, nz = direction_to_world(r, nx, ny, nz)
+    nx, ny, nz = direction_to_world(record.placed, nx, ny, nz)
     return distance, nx, ny, nz
 
 
@@ -140,8 +162,9 @@ def turn_of(bone, step, m):
 
 
 @inlined
-def carried(x, y, z, bone, sine, cosine, wx, wy, wz, step, m):
+def carried(x, y, z, bone, turned, step, m):
     """Where a point at the start of a step [m] would be at its end, moved and turned (`turn_of`) along with a bone."""
+    sine, cosine, wx, wy, wz = turned
     ox, oy, oz = m.positions[bone, 0], m.positions[bone, 1], m.positions[bone, 2]
     x = x - (ox - step * m.velocity[bone, 0])
     y = y - (oy - step * m.velocity[bone, 1])
@@ -155,29 +178,31 @@ def carried(x, y, z, bone, sine, cosine, wx, wy, wz, step, m):
 
 
 @inlined
-def at_start(i, s, earlier, bone, placed, turned, step, m):
-    """Where vertex i was at the start of the step in the frame that a shape had then, `turned` by `turn_of` since."""
-    sine, cosine, wx, wy, wz = turned
-    x, y, z = before(s, i, step, earlier)
-    x, y, z = carried(x, y, z, bone, sine, cosine, wx, wy, wz, step, m)
-    return into_shape(placed, x, y, z)
+def at_start(contact, c, i, turned, step):
+    """Where vertex i was at the start of the step in the frame that collider c had then, `turned` since."""
+    record = contact.colliders.records[c]
+    x, y, z = before(contact.state, i, step, contact.earlier)
+    x, y, z = carried(x, y, z, record.bone, turned, step, contact.bones)
+    return into_shape(record.placed, x, y, z)
 
 
 @inlined
-def hit(shapes, c, x, y, z, dx, dy, dz, way, skin):
-    """Share of a way from (x, y, z) along d, `way` [m] long, at which it comes within `skin` of collider c's surface.
+def hit(colliders, c, start, way, length, skin):
+    """Share of a way from a point, `length` [m] long, at which it comes within `skin` of collider c's surface.
 
     In the collider's frame; returns the share, above 1 where it does not, and the normal there.
     """
+    x, y, z = start
+    dx, dy, dz = way
     share = 0.0
-    distance, nx, ny, nz = nearest(shapes, c, x, y, z)
+    distance, nx, ny, nz = nearest(colliders, c, x, y, z)
     if distance <= skin:
         return 2.0, nx, ny, nz
     for _ in range(ADVANCES):
-        share += (distance - skin) / way
+        share += (distance - skin) / length
         if share >= 1.0 or distance - skin < ARRIVED:
             break
-        distance, nx, ny, nz = nearest(shapes, c, x + share * dx, y + share * dy, z + share * dz)
+        distance, nx, ny, nz = nearest(colliders, c, x + share * dx, y + share * dy, z + share * dz)
     return share, nx, ny, nz
 
 
@@ -187,32 +212,33 @@ def is_fast(way, core):
     return way > 0.5 * core
 
 
-@driver
-def sweep(start, end, free, s, earlier, shapes, c, thickness, step, m):
+@routine
+def sweep(contact, c, start, end, thickness, step):
     """Stop the free ones of vertices start to end whose way through this step enters collider c, where they enter.
 
     Returns as `leave` does.
     """
-    hardest = -1.0
-    b, r = shapes.colliders[c].bone, shapes.colliders[c].placed
-    turned = turn_of(b, step, m)
+    s, colliders = contact.state, contact.colliders
+    hardest, record = -1.0, colliders.records[c]
+    r = record.placed
+    turned = turn_of(record.bone, step, contact.bones)
     skin = SKIN * thickness
     for i in range(start, end):
-        if not free[i]:
+        if not contact.free[i]:
             continue
-        x, y, z = at_start(i, s, earlier, b, r, turned, step, m)
+        x, y, z = at_start(contact, c, i, turned, step)
         ex, ey, ez = into_shape(r, s.x[i], s.y[i], s.z[i])
         dx, dy, dz = ex - x, ey - y, ez - z
         way = math.sqrt(dx * dx + dy * dy + dz * dz)
-        if not is_fast(way, shapes.colliders[c].core):
+        if not is_fast(way, record.core):
             continue
-        share, nx, ny, nz = hit(shapes, c, x, y, z, dx, dy, dz, way, skin)
+        share, nx, ny, nz = hit(colliders, c, (x, y, z), (dx, dy, dz), way, skin)
         if share >= 1.0:
             continue
         x, y, z = x + share * dx, y + share * dy, z + share * dz
         plane = x * nx + y * ny + z * nz
         gx, gy, gz = direction_to_world(r, nx, ny, nz)
-        speed = respond(i, 0.0, gx, gy, gz, b, shapes.colliders[c].friction, step, 0.0, m, s)
+        speed = respond(contact, c, i, 0.0, gx, gy, gz, step, 0.0)
         hardest = max(hardest, max(speed, 0.0))
         ex, ey, ez = into_shape(r, s.x[i], s.y[i], s.z[i])
         behind = plane - (ex * nx + ey * ny + ez * nz)
@@ -223,80 +249,81 @@ def sweep(start, end, free, s, earlier, shapes, c, thickness, step, m):
     return hardest
 
 
-@driver
-def collide(lo, hi, free, s, earlier, shapes, m, share, turn, step):
-    """Keep the free ones of vertices lo to hi out of all colliders of a kind, which move with the bones `m`.
+@routine
+def collide(contact, lo, hi, turn, step):
+    """Keep the free ones of vertices lo to hi out of all colliders, which move with the bones.
 
-    It is the `turn`th time in this frame, `step` [s] after the one before. `earlier` are the positions then (at least
-    3, N), None where they are x - step v; `share` of the thickness is kept. Where colliders overlap, leaving one may
+    It is the `turn`th time in this frame, `step` [s] after the one before. Where colliders overlap, leaving one may
     mean entering another: a tile is led around all those that it touches until none is violated, or `PASSES` times.
     """
+    s, colliders, m, kept = contact.state, contact.colliders, contact.bones, contact.share
     most = EXIT * step
-    hot = shapes.hot
-    hit = were_alarmed(shapes, turn)
+    hot = colliders.hot
+    hit = were_alarmed(colliders, turn)
     due = turn + LONGEST
     first, last = tiles(lo, hi)
     for tile in range(first, last):
-        alarmed = hit and is_alarmed(shapes, tile, turn)
-        if shapes.next[tile] > turn and not alarmed:
-            due = min(due, shapes.next[tile])
+        alarmed = hit and is_alarmed(colliders, tile, turn)
+        if colliders.next[tile] > turn and not alarmed:
+            due = min(due, colliders.next[tile])
             continue
         start = tile * TILE
         end = min(start + TILE, hi)
         mid = (start + end) // 2
-        far, fast = spread_of(shapes.spreads, tile, s, start, end)
+        far, fast = spread_of(colliders.spreads, tile, s, start, end)
         soonest, hardest = turn + LONGEST, -1.0
-        hot[0], touched, rapid, between = 0, 0, False, shapes.between[tile]
-        shapes.pinched[start:end] = False
-        for k in range(1, shapes.active[0] + 1):
-            if shapes.wake[tile, k - 1] > turn and not alarmed:
-                soonest = min(soonest, shapes.wake[tile, k - 1])
+        hot[0], touched, rapid, between = 0, 0, False, colliders.between[tile]
+        colliders.pinched[start:end] = False
+        for k in range(1, colliders.active[0] + 1):
+            if colliders.wake[tile, k - 1] > turn and not alarmed:
+                soonest = min(soonest, colliders.wake[tile, k - 1])
                 continue
-            c = shapes.active[k]
-            place(shapes, c, m.positions, m.matrices)
-            speed = approach(s, mid, far, fast, shapes.colliders[c].bone, m)
-            thickness = share * shapes.colliders[c].thickness
-            if is_fast(speed * step, shapes.colliders[c].core):
+            c = colliders.active[k]
+            record = colliders.records[c]
+            place(colliders, c, m)
+            speed = approach(s, mid, far, fast, record.bone, m)
+            thickness = kept * record.thickness
+            if is_fast(speed * step, record.core):
                 rapid = True
-                hardest = max(hardest, sweep(start, end, free, s, earlier, shapes, c, thickness, step, m))
-            gap = look(shapes, c, s, start, end, thickness)
+                hardest = max(hardest, sweep(contact, c, start, end, thickness, step))
+            gap = look(colliders, c, s, start, end, thickness)
             if gap < NEAR * (speed + GAIN) * step:
                 hot[0] += 1
                 hot[hot[0]] = c
             if gap < 0.0:
                 touched += 1
                 if touched == 1 and between:
-                    shapes.touches[:] = 0
-                inwards = leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m, between)
-                hardest = max(hardest, inwards)
+                    colliders.touches[:] = 0
+                hardest = max(hardest, leave(contact, c, start, end, thickness, step, between))
             # Contact forces, where there are any, begin at the whole thickness.
-            wake = turn + nap(gap + thickness - shapes.colliders[c].thickness, speed, step)
-            shapes.wake[tile, k - 1] = wake
+            wake = turn + nap(gap + thickness - record.thickness, speed, step)
+            colliders.wake[tile, k - 1] = wake
             soonest = min(soonest, wake)
-        shapes.next[tile] = soonest
+        colliders.next[tile] = soonest
         due = min(due, soonest)
         if hardest >= 0.0 and hot[0] > 1:
             if touched > 1 and between and not rapid:
-                hold_pinched(start, end, s, shapes, share, step, most, m)
-            lead_out(start, end, free, s, earlier, shapes, share, step, most, m)
-        shapes.between[tile] = touched > 1
+                hold_pinched(contact, start, end, step, most)
+            lead_out(contact, start, end, step)
+        colliders.between[tile] = touched > 1
         if hardest > JOLT:
-            alarm(shapes, tile, turn)
-    shapes.clock[DUE] = due
+            alarm(colliders, tile, turn)
+    colliders.clock[DUE] = due
 
 
-@driver
-def lead_out(start, end, free, s, earlier, shapes, share, step, most, m):
+@routine
+def lead_out(contact, start, end, step):
     """Lead vertices start to end around all hot colliders."""
-    hot = shapes.hot
+    colliders = contact.colliders
+    hot = colliders.hot
     for _ in range(PASSES):
         clear = True
         for k in range(1, hot[0] + 1):
             c = hot[k]
-            thickness = share * shapes.colliders[c].thickness - GRAZE
-            if look(shapes, c, s, start, end, thickness) >= 0.0:
+            thickness = contact.share * colliders.records[c].thickness - GRAZE
+            if look(colliders, c, contact.state, start, end, thickness) >= 0.0:
                 continue
-            if leave(start, end, free, s, earlier, shapes, c, thickness, step, most, m, False) >= 0.0:
+            if leave(contact, c, start, end, thickness, step, False) >= 0.0:
                 clear = False
         if clear:
             break

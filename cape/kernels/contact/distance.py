@@ -8,12 +8,9 @@ and 5.1.4 (box); the tapered capsule is the convex hull of two spheres.
 
 import math
 
-from cape.kernels.jit import inlined
-
 TINY = 1e-12  # m
 
 
-@inlined
 def to_capsule(x, y, z, length, radius, _2, _3):
     """Capsule around the segment from the origin to `length` on +Z; no length makes it a sphere.
 
@@ -26,7 +23,6 @@ def to_capsule(x, y, z, length, radius, _2, _3):
     return off - radius, (x * scale if clear else 1.0), (y * scale if clear else 0.0), (z * scale if clear else 0.0)
 
 
-@inlined
 def to_tapered_capsule(x, y, z, length, radius, sine, tangent):
     """Convex hull of a sphere of `radius` at the origin and one at `length` on +Z, smaller by `sine` times the length.
 
@@ -47,7 +43,6 @@ def to_tapered_capsule(x, y, z, length, radius, sine, tangent):
     )
 
 
-@inlined
 def to_box(x, y, z, half_x, half_y, half_z, _3):
     """Box of the given half sizes around the origin.
 
@@ -71,7 +66,6 @@ def to_box(x, y, z, half_x, half_y, half_z, _3):
     )
 
 
-@inlined
 def to_plane(x, y, z, _0, _1, _2, _3):
     """Half-space below the plane through the origin across +Z."""
     return z, 0.0, 0.0, 1.0

@@ -7,10 +7,12 @@ their barycentric weights w: dv_i = w_i / m_i / sum(w_k^2 / m_k) du.
 """
 
 import math
+from typing import NamedTuple
 
 from cape.kernels.bones import velocity_at
-from cape.kernels.contact.contact import EXIT, GRAZE, PASSES, at_start, is_fast, stopped, turn_of
-from cape.kernels.contact.shapes import direction_to_world, into_shape, nearest, numbers_of, place, signed_distance
+from cape.kernels.contact.contact import EXIT, GRAZE, PASSES, Contact, at_start, is_fast, stopped, turn_of
+from cape.kernels.contact.order import from_order, to_order
+from cape.kernels.contact.shapes import Faces, direction_to_world, into_shape, nearest, numbers_of, place, planes_by
 from cape.kernels.contact.watch import (
     GAIN,
     JOLT,
@@ -18,17 +20,15 @@ from cape.kernels.contact.watch import (
     TILE,
     alarm,
     approach,
-    from_order,
     is_alarmed,
     nap,
     spread_of,
-    to_order,
     were_alarmed,
 )
-from cape.kernels.jit import driver, inlined
+from cape.kernels.jit import inlined, kernel, routine
 
 GROUP = 8  # triangles that are watched together
-SEEN = 10 * GROUP  # numbers noted of one
+SEEN = 6  # numbers noted of each, besides its middle
 CHUNK = 16  # groups
 THIRD = 1.0 / 3.0
 SHARE = 0.5  # of the thickness: vertices at all of it hold most triangles off without any help
@@ -39,6 +39,13 @@ LEVER = 2.0  # times as far as the point that is moved a corner may be
 SLOWER = 0.5  # share of the vertices' own speed, at which a triangle that is inside leaves
 STRIDE = 0.45  # of the longest edge that a thin collider may come past it in a step: at 1.3 threads get through
 FEWEST, MOST = 2, 24  # looks at a triangle's way: for each core's length, and at most
+
+
+class FaceContact(NamedTuple):
+    """The triangles of a cloth that thin colliders could poke through, and what the whole of it can't enter."""
+
+    contact: Contact
+    faces: Faces
 
 
 @inlined
@@ -79,8 +86,8 @@ def weights_of_nearest(px, py, pz, ax, ay, az, bx, by, bz, cx, cy, cz):
     return va / total, vb / total, vc / total
 
 
-@driver
-def deepest_on_triangle(shapes, c, ax, ay, az, bx, by, bz, cx, cy, cz):
+@routine
+def deepest_on_triangle(colliders, c, first, second, third):
     """The point of a triangle deepest in collider c, all in the collider's frame [m].
 
     A proximal bundle method with one aggregate (Kiwiel 1990, "Proximity control in bundle methods for convex
@@ -91,14 +98,17 @@ def deepest_on_triangle(shapes, c, ax, ay, az, bx, by, bz, cx, cy, cz):
 
     Returns its signed distance [m], the normal there and its barycentric weights.
     """
+    ax, ay, az = first
+    bx, by, bz = second
+    cx, cy, cz = third
     ex, ey, ez, fx, fy, fz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
     hx, hy, hz = ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx
     area = hx * hx + hy * hy + hz * hz
     flat = 1.0 / area if area > 0.0 else 0.0
     u = v = w = 1.0 / 3.0
     x, y, z = (ax + bx + cx) / 3.0, (ay + by + cy) / 3.0, (az + bz + cz) / 3.0
-    distance, nx, ny, nz = nearest(shapes, c, x, y, z)
-    core = shapes.colliders[c].core
+    distance, nx, ny, nz = nearest(colliders, c, x, y, z)
+    core = colliders.records[c].core
     way = max(distance + core, 0.1 * core)
     dx, dy, dz, lag = nx, ny, nz, 0.0
     for _ in range(STEPS):
@@ -108,7 +118,7 @@ def deepest_on_triangle(shapes, c, ax, ay, az, bx, by, bz, cx, cy, cz):
         promised = dx * gx + dy * gy + dz * gz + lag
         if promised < SETTLED:
             break
-        there, mx, my, mz = nearest(shapes, c, tx, ty, tz)
+        there, mx, my, mz = nearest(colliders, c, tx, ty, tz)
         if there < distance - 0.1 * promised:
             u, v, w, x, y, z = p, q, r, tx, ty, tz
             distance, nx, ny, nz = there, mx, my, mz
@@ -131,9 +141,13 @@ def deepest_on_triangle(shapes, c, ax, ay, az, bx, by, bz, cx, cy, cz):
     return distance, nx, ny, nz, u, v, w
 
 
-@driver
-def respond_on_triangle(s, inverse_mass, i, j, k, u, v, w, depth, nx, ny, nz, bone, friction, step, most, m):
-    """Stop a point of the triangle i, j, k, as `contact.respond` does a vertex, and return its speed as that does."""
+@routine
+def respond_on_triangle(contact, c, corners, weights, depth, normal, step, most):
+    """Stop a point of a triangle at collider c, as `contact.respond` does a vertex, and return its speed as that does."""
+    s, inverse_mass, record = contact.state, contact.inverse_mass, contact.colliders.records[c]
+    i, j, k = corners
+    u, v, w = weights
+    nx, ny, nz = normal
     a, b, c = u * inverse_mass[i], v * inverse_mass[j], w * inverse_mass[k]
     mobility = u * a + v * b + w * c
     if mobility <= 0.0:
@@ -144,11 +158,11 @@ def respond_on_triangle(s, inverse_mass, i, j, k, u, v, w, depth, nx, ny, nz, bo
     x = u * s.x[i] + v * s.x[j] + w * s.x[k]
     y = u * s.y[i] + v * s.y[j] + w * s.y[k]
     z = u * s.z[i] + v * s.z[j] + w * s.z[k]
-    sx, sy, sz = velocity_at(bone, x, y, z, m)
+    sx, sy, sz = velocity_at(record.bone, x, y, z, contact.bones)
     rx = u * s.vx[i] + v * s.vx[j] + w * s.vx[k] - sx
     ry = u * s.vy[i] + v * s.vy[j] + w * s.vy[k] - sy
     rz = u * s.vz[i] + v * s.vz[j] + w * s.vz[k] - sz
-    ux, uy, uz, inwards = stopped(rx, ry, rz, nx, ny, nz, friction)
+    ux, uy, uz, inwards = stopped(rx, ry, rz, nx, ny, nz, record.friction)
     ux, uy, uz = ux - rx, uy - ry, uz - rz
     depth -= step * (ux * nx + uy * ny + uz * nz)
     depth = min(max(depth, 0.0), most)
@@ -174,17 +188,18 @@ def respond_on_triangle(s, inverse_mass, i, j, k, u, v, w, depth, nx, ny, nz, bo
     return inwards
 
 
-@driver
-def collide_faces(s, inverse_mass, earlier, faces, m, share, turn, step):
-    """Keep all triangles out of the thin ones among a kind of colliders; arguments as for `contact.collide`.
+@routine
+def collide_faces(face_contact, turn, step):
+    """Keep all triangles out of the thin ones among the colliders; turns as for `contact.collide`.
 
     Triangles sleep as long as the vertices of the tile that they hang on, but for the time that their far corners take.
     What one triangle is given moves its neighbours: those that are awake are gone through again until none touches, or
     `PASSES` times.
     """
-    shapes, groups = faces.shapes, faces.next.size
+    contact, faces = face_contact.contact, face_contact.faces
+    colliders, groups = contact.colliders, faces.next.size
     ahead = 1 + int(faces.longest / (GAIN * step))
-    hit = were_alarmed(shapes, turn)
+    hit = were_alarmed(colliders, turn)
     for attempt in range(1 + PASSES):
         touched = False
         limit = turn + min(attempt, 1)
@@ -194,24 +209,22 @@ def collide_faces(s, inverse_mass, earlier, faces, m, share, turn, step):
             first_due = turn + LONGEST
             for group in range(chunk * CHUNK, min(chunk * CHUNK + CHUNK, groups)):
                 tile = faces.tiles[group]
-                alarmed = hit and is_alarmed(shapes, tile, turn)
+                alarmed = hit and is_alarmed(colliders, tile, turn)
                 if faces.next[group] <= limit or alarmed:
                     soonest = turn + LONGEST
-                    for n in range(1, shapes.active[0] + 1):
-                        c = shapes.active[n]
-                        if not shapes.colliders[c].thin:
+                    for n in range(1, colliders.active[0] + 1):
+                        c = colliders.active[n]
+                        if not colliders.records[c].thin:
                             continue
                         wake = faces.wake[group, n - 1]
                         if attempt == 0 and wake <= turn:
-                            wake = shapes.wake[tile, n - 1] - ahead
+                            wake = colliders.wake[tile, n - 1] - ahead
                         if wake <= limit or alarmed:
-                            gap, speed, hardest = collide_group(
-                                s, inverse_mass, earlier, faces, group, c, m, share, step
-                            )
+                            gap, speed, hardest = collide_group(contact, faces, group, c, step)
                             if gap < -GRAZE:
                                 touched = True
-                                if LEVER * hardest > JOLT or is_fast(speed * step, shapes.colliders[c].core):
-                                    alarm_corners(faces, group, turn)
+                                if LEVER * hardest > JOLT or is_fast(speed * step, colliders.records[c].core):
+                                    alarm_corners(colliders, faces, group, turn)
                             wake = turn + nap(gap, speed, step)
                         faces.wake[group, n - 1] = wake
                         soonest = min(soonest, wake)
@@ -224,141 +237,170 @@ def collide_faces(s, inverse_mass, earlier, faces, m, share, turn, step):
 
 
 @inlined
-def alarm_corners(faces, group, turn):
+def alarm_corners(colliders, faces, group, turn):
     """Note that the corners of a group of triangles were hit hard, or put far away."""
     for f in range(faces.starts[group], faces.starts[group + 1]):
         for k in range(3):
-            alarm(faces.shapes, faces.corners[k, f] // TILE, turn)
+            alarm(colliders, faces.corners[k, f] // TILE, turn)
 
 
-@inlined
-def collide_group(s, inverse_mass, earlier, faces, group, c, m, share, step):
+@routine
+def collide_group(contact, faces, group, c, step):
     """Keep a group of triangles out of collider c.
 
     Returns the least of the gaps before [m], the highest speed [m/s] at which the triangles move against it, and the
     highest at which a point of one that touches moved into its surface.
     """
-    shapes = faces.shapes
+    s, colliders, m = contact.state, contact.colliders, contact.bones
+    record = colliders.records[c]
     tile = faces.tiles[group]
-    place(shapes, c, m.positions, m.matrices)
-    thickness = SHARE * share * shapes.colliders[c].thickness
+    place(colliders, c, m)
+    thickness = SHARE * contact.share * record.thickness
     end = min(tile * TILE + TILE, s.x.size)
     mid = (tile * TILE + end) // 2
-    far, fast = spread_of(shapes.spreads, tile, s, tile * TILE, end)
-    speed = approach(s, mid, far + faces.longest, 2.0 * fast, shapes.colliders[c].bone, m)
+    far, fast = spread_of(colliders.spreads, tile, s, tile * TILE, end)
+    speed = approach(s, mid, far + faces.longest, 2.0 * fast, record.bone, m)
     start, end = faces.starts[group], faces.starts[group + 1]
-    most = SLOWER * EXIT * step / (1 + PASSES)
-    gap = look_at_group(faces, start, end, s, shapes, c, thickness)
-    follow = is_fast(speed * step, shapes.colliders[c].core)
+    gap = look_at_group(contact, faces, start, end, c, thickness)
+    follow = is_fast(speed * step, record.core)
     if follow:
-        past = step * approach(s, mid, 0.0, 0.0, shapes.colliders[c].bone, m)
+        past = step * approach(s, mid, 0.0, 0.0, record.bone, m)
         if gap < past:
-            faces.haste[0] = max(faces.haste[0], past / max(shapes.colliders[c].core, STRIDE * faces.longest))
+            faces.haste[0] = max(faces.haste[0], past / max(record.core, STRIDE * faces.longest))
     hardest = 0.0
     if gap < 0.0 or follow:
         gap = math.inf
         for f in range(start, end):
-            least = faces.seen[f - start]
-            if least < 0.0 and is_pinched(f, faces):
+            least = faces.middles.gaps[f - start]
+            if least < 0.0 and is_pinched(colliders, faces, f):
                 least = 0.0
             elif least < 0.0 or follow:
-                least, inwards = collide_face(
-                    f, s, inverse_mass, earlier, faces.corners, shapes, c, thickness, m, step, most, follow
-                )  # fmt: skip
+                least, inwards = collide_face(contact, faces, f, c, thickness, step, follow)
                 hardest = max(hardest, inwards)
             gap = min(gap, least)
     return gap, speed, hardest
 
 
 @inlined
-def is_pinched(f, faces):
+def is_pinched(colliders, faces, f):
     """Tell whether two colliders pinch a corner of triangle f, which then gets as deep as it does."""
-    pinched, corners = faces.shapes.pinched, faces.corners
+    pinched, corners = colliders.pinched, faces.corners
     return pinched[corners[0, f]] or pinched[corners[1, f]] or pinched[corners[2, f]]
 
 
-@inlined
-def look_at_group(faces, start, end, s, shapes, c, thickness):
+@routine
+def look_at_group(contact, faces, start, end, c, thickness):
     """Look at triangles start to end as `watch.look` does at vertices, but for bounds from below of their gaps.
 
     A convex function lies above its tangents: here the one at a triangle's middle.
     """
-    corners, seen = faces.corners, faces.seen
-    x, y, z = s.x, s.y, s.z
-    placed, (e, f, g, h) = numbers_of(shapes, c)
-    # Vector units gather slowly, but work on a whole group at once: its last triangle stands in for those it lacks.
+    s, record, middles = contact.state, contact.colliders.records[c], faces.middles
+    placed, sizes = numbers_of(record.placed), record.sizes
+    take_middles(
+        start, end, faces.corners[0], faces.corners[1], faces.corners[2], s.x, s.y, s.z, placed, faces.seen,
+        middles.x, middles.y, middles.z,
+    )  # fmt: skip
+    planes_by(record.planes, middles, GROUP, sizes[0], sizes[1], sizes[2], sizes[3])
+    return least_gap(placed, thickness, faces.seen, middles.nx, middles.ny, middles.nz, middles.gaps)
+
+
+@kernel
+def take_middles(start, end, first, second, third, x, y, z, placed, seen, mx, my, mz):
+    """Middles of triangles start to end in a collider's frame, and in the world two corners of each from there.
+
+    Vector units gather slowly, but work on a whole group at once: its last triangle stands in for those it lacks.
+    """
     for k in range(GROUP):
         t = min(start + k, end - 1)
-        i, j, n = corners[0, t], corners[1, t], corners[2, t]
-        mx, my, mz = (x[i] + x[j] + x[n]) * THIRD, (y[i] + y[j] + y[n]) * THIRD, (z[i] + z[j] + z[n]) * THIRD
-        seen[GROUP + k], seen[2 * GROUP + k], seen[3 * GROUP + k] = mx, my, mz
-        seen[4 * GROUP + k], seen[5 * GROUP + k], seen[6 * GROUP + k] = x[i] - mx, y[i] - my, z[i] - mz
-        seen[7 * GROUP + k], seen[8 * GROUP + k], seen[9 * GROUP + k] = x[j] - mx, y[j] - my, z[j] - mz
+        i, j, n = first[t], second[t], third[t]
+        cx, cy, cz = (x[i] + x[j] + x[n]) * THIRD, (y[i] + y[j] + y[n]) * THIRD, (z[i] + z[j] + z[n]) * THIRD
+        mx[k], my[k], mz[k] = into_shape(placed, cx, cy, cz)
+        seen[0, k], seen[1, k], seen[2, k] = x[i] - cx, y[i] - cy, z[i] - cz
+        seen[3, k], seen[4, k], seen[5, k] = x[j] - cx, y[j] - cy, z[j] - cz
+
+
+@kernel
+def least_gap(placed, thickness, seen, nx, ny, nz, gaps):
+    """Turn distances of triangles' middles into bounds of the triangles' gaps [m]; returns the least."""
     least = to_order(math.inf)
     for k in range(GROUP):
-        px, py, pz = into_shape(placed, seen[GROUP + k], seen[2 * GROUP + k], seen[3 * GROUP + k])
-        distance, nx, ny, nz = signed_distance(shapes, px, py, pz, e, f, g, h)
-        nx, ny, nz = direction_to_world(placed, nx, ny, nz)
-        first = nx * seen[4 * GROUP + k] + ny * seen[5 * GROUP + k] + nz * seen[6 * GROUP + k]
-        second = nx * seen[7 * GROUP + k] + ny * seen[8 * GROUP + k] + nz * seen[9 * GROUP + k]
-        gap = distance + min(first, min(second, -first - second)) - thickness
-        seen[k] = gap
+        mx, my, mz = direction_to_world(placed, nx[k], ny[k], nz[k])
+        first = mx * seen[0, k] + my * seen[1, k] + mz * seen[2, k]
+        second = mx * seen[3, k] + my * seen[4, k] + mz * seen[5, k]
+        gap = gaps[k] + min(first, min(second, -first - second)) - thickness
+        gaps[k] = gap
         least = min(least, to_order(gap))
     return from_order(least)
 
 
-@driver
-def collide_face(f, s, inverse_mass, earlier, corners, shapes, c, thickness, m, step, most, follow):
+@inlined
+def between(t, start, end):
+    """The point a share t of the way from one to another."""
+    return (
+        start[0] + t * (end[0] - start[0]),
+        start[1] + t * (end[1] - start[1]),
+        start[2] + t * (end[2] - start[2]),
+    )
+
+
+@inlined
+def distance_between(p, q):
+    """Distance of two points."""
+    return length(q[0] - p[0], q[1] - p[1], q[2] - p[2])
+
+
+@inlined
+def change_along(weight, normal, start, end):
+    """What a weighted way from one point to another is along a normal."""
+    return weight * (
+        normal[0] * (end[0] - start[0]) + normal[1] * (end[1] - start[1]) + normal[2] * (end[2] - start[2])
+    )
+
+
+@routine
+def collide_face(contact, faces, f, c, thickness, step, follow):
     """Keep triangle f out of collider c, at the step's end and, to `follow` it, on its way there if that is long.
 
     Returns the gap [m] that it had, something negative where it touches, and the speed [m/s] into the surface.
     """
-    r, b = shapes.colliders[c].placed, shapes.colliders[c].bone
-    i, j, k = corners[0, f], corners[1, f], corners[2, f]
-    ax, ay, az = into_shape(r, s.x[i], s.y[i], s.z[i])
-    bx, by, bz = into_shape(r, s.x[j], s.y[j], s.z[j])
-    cx, cy, cz = into_shape(r, s.x[k], s.y[k], s.z[k])
+    s, colliders = contact.state, contact.colliders
+    record, most = colliders.records[c], SLOWER * EXIT * step / (1 + PASSES)
+    r, core = record.placed, record.core
+    corners = faces.corners[0, f], faces.corners[1, f], faces.corners[2, f]
+    i, j, k = corners
+    first = into_shape(r, s.x[i], s.y[i], s.z[i])
+    second = into_shape(r, s.x[j], s.y[j], s.z[j])
+    third = into_shape(r, s.x[k], s.y[k], s.z[k])
     if follow:
-        turned = turn_of(b, step, m)
-        px, py, pz = at_start(i, s, earlier, b, r, turned, step, m)
-        qx, qy, qz = at_start(j, s, earlier, b, r, turned, step, m)
-        rx, ry, rz = at_start(k, s, earlier, b, r, turned, step, m)
-        way = length(ax - px, ay - py, az - pz)
-        way = max(way, length(bx - qx, by - qy, bz - qz))
-        way = max(way, length(cx - rx, cy - ry, cz - rz))
-        core = shapes.colliders[c].core
+        turned = turn_of(record.bone, step, contact.bones)
+        p = at_start(contact, c, i, turned, step)
+        q = at_start(contact, c, j, turned, step)
+        o = at_start(contact, c, k, turned, step)
+        way = max(max(distance_between(p, first), distance_between(q, second)), distance_between(o, third))
         looks = 1 + int(min(FEWEST * way / core, MOST)) if is_fast(way, core) else 0
         for look in range(looks):
             t = look / looks
-            ex, ey, ez = px + t * (ax - px), py + t * (ay - py), pz + t * (az - pz)
-            fx, fy, fz = qx + t * (bx - qx), qy + t * (by - qy), qz + t * (bz - qz)
-            gx, gy, gz = rx + t * (cx - rx), ry + t * (cy - ry), rz + t * (cz - rz)
-            if clearance(shapes, c, ex, ey, ez, fx, fy, fz, gx, gy, gz) > thickness:
+            a, b, d = between(t, p, first), between(t, q, second), between(t, o, third)
+            if clearance(colliders, c, a, b, d) > thickness:
                 continue
-            distance, nx, ny, nz, u, v, w = deepest_on_triangle(shapes, c, ex, ey, ez, fx, fy, fz, gx, gy, gz)
-            if distance > thickness or distance < -PIERCED * shapes.colliders[c].core:
+            distance, nx, ny, nz, u, v, w = deepest_on_triangle(colliders, c, a, b, d)
+            if distance > thickness or distance < -PIERCED * core:
                 continue
             # Where it comes in is where it is to stay out: the depth at the step's end is that along this normal.
-            along = (
-                u * (nx * (ax - ex) + ny * (ay - ey) + nz * (az - ez))
-                + v * (nx * (bx - fx) + ny * (by - fy) + nz * (bz - fz))
-                + w * (nx * (cx - gx) + ny * (cy - gy) + nz * (cz - gz))
-            )
+            n = nx, ny, nz
+            along = change_along(u, n, a, first) + change_along(v, n, b, second) + change_along(w, n, d, third)
             if along < 0.0:
-                nx, ny, nz = direction_to_world(r, nx, ny, nz)
                 inwards = respond_on_triangle(
-                    s, inverse_mass, i, j, k, u, v, w, thickness - distance - along, nx, ny, nz, b,
-                    shapes.colliders[c].friction, step, -along + most, m,
+                    contact, c, corners, (u, v, w), thickness - distance - along, direction_to_world(r, nx, ny, nz),
+                    step, -along + most,
                 )  # fmt: skip
                 return -1.0, inwards
-    distance, nx, ny, nz, u, v, w = deepest_on_triangle(shapes, c, ax, ay, az, bx, by, bz, cx, cy, cz)
+    distance, nx, ny, nz, u, v, w = deepest_on_triangle(colliders, c, first, second, third)
     inwards = 0.0
-    if -PIERCED * shapes.colliders[c].core <= distance < thickness:
-        nx, ny, nz = direction_to_world(r, nx, ny, nz)
+    if -PIERCED * core <= distance < thickness:
         inwards = respond_on_triangle(
-            s, inverse_mass, i, j, k, u, v, w, thickness - distance, nx, ny, nz, b, shapes.colliders[c].friction,
-            step, most, m,
-        )  # fmt: skip
+            contact, c, corners, (u, v, w), thickness - distance, direction_to_world(r, nx, ny, nz), step, most
+        )
     return distance - thickness, inwards
 
 
@@ -369,13 +411,17 @@ def length(x, y, z):
 
 
 @inlined
-def clearance(shapes, c, ax, ay, az, bx, by, bz, cx, cy, cz):
+def clearance(colliders, c, first, second, third):
     """A bound from below of a triangle's distance from collider c, in its frame [m].
 
     A convex function lies above its tangent: here the one at the middle.
     """
-    x, y, z = (ax + bx + cx) / 3.0, (ay + by + cy) / 3.0, (az + bz + cz) / 3.0
-    distance, nx, ny, nz = nearest(shapes, c, x, y, z)
-    a = nx * (ax - x) + ny * (ay - y) + nz * (az - z)
-    b = nx * (bx - x) + ny * (by - y) + nz * (bz - z)
+    x, y, z = (
+        (first[0] + second[0] + third[0]) / 3.0,
+        (first[1] + second[1] + third[1]) / 3.0,
+        (first[2] + second[2] + third[2]) / 3.0,
+    )
+    distance, nx, ny, nz = nearest(colliders, c, x, y, z)
+    a = nx * (first[0] - x) + ny * (first[1] - y) + nz * (first[2] - z)
+    b = nx * (second[0] - x) + ny * (second[1] - y) + nz * (second[2] - z)
     return distance + min(a, min(b, -a - b))

@@ -14,28 +14,60 @@ what begins to slide takes dozens of iterations.
 """
 
 import math
+from typing import NamedTuple
 
-from numba import literal_unroll
+import numpy as np
+from numpy.typing import NDArray
 
-from cape.kernels.bones import velocity_at
-from cape.kernels.contact.shapes import MOMENT, distance_to, place
+from cape.kernels.bones import MotionRoom, velocity_at
+from cape.kernels.contact.shapes import MOMENT, Colliders, distance_to, place
 from cape.kernels.contact.watch import TILE, approach, is_alarmed, look, nap, spread, tiles
-from cape.kernels.jit import driver, inlined
+from cape.kernels.jit import inlined, kernel, routine, unit
+from cape.kernels.state import Inertia, State
+
+Array = NDArray[np.floating]
 
 SLIP = 1e-3  # m/s below which friction gives way: less sticks better, and costs iterations
 HARD = 10.0  # contact stiffness over mass / b^2, at least: a vertex alone is stopped within a tenth of its way
 
 
-@inlined
-def press(i, depth, nx, ny, nz, bone, friction, stiffness, rate, m, s, work, inertia, force, blocks):
-    """Add the contact of vertex i, `depth` [m] too deep along the unit normal n; `rate` is 1/b."""
+class Penalty(NamedTuple):
+    """Contact: `least` stiffness [N/m] (N,), room for forces [N] (3, N) and minus their derivatives [N/m] (6, N)."""
+
+    least: Array
+    force: Array
+    blocks: Array
+
+
+class PenaltyContact(NamedTuple):
+    """A cloth within an implicit stage, and what presses on it.
+
+    `free` (N,) is False for attached vertices; `target` (6, N) is what the stage aims at, `forces` (3, N) [N] are the
+    others; both as in `implicit.stages`.
+    """
+
+    state: State
+    inertia: Inertia
+    free: NDArray[np.bool_]
+    colliders: Colliders
+    bones: MotionRoom
+    penalty: Penalty
+    target: Array
+    forces: Array
+
+
+@routine
+def press(g, c, i, depth, nx, ny, nz, rate):
+    """Add the contact of vertex i with collider c, `depth` [m] too deep along the unit normal n; `rate` is 1/b."""
+    s, force, blocks, record = g.state, g.penalty.force, g.penalty.blocks, g.colliders.records[c]
+    friction, stiffness = record.friction, g.penalty.least[i] + HARD * rate * rate * g.inertia.mass[i]
     pressure = stiffness * depth
     force[0, i] += pressure * nx
     force[1, i] += pressure * ny
     force[2, i] += pressure * nz
     along = stiffness
     if friction > 0.0:
-        ux, uy, uz = velocity_at(bone, s.x[i], s.y[i], s.z[i], m)
+        ux, uy, uz = velocity_at(record.bone, s.x[i], s.y[i], s.z[i], g.bones)
         ux, uy, uz = s.vx[i] - ux, s.vy[i] - uy, s.vz[i] - uz
         outwards = ux * nx + uy * ny + uz * nz
         ux, uy, uz = ux - outwards * nx, uy - outwards * ny, uz - outwards * nz
@@ -49,7 +81,7 @@ def press(i, depth, nx, ny, nz, bone, friction, stiffness, rate, m, s, work, ine
         blocks[0, i] += across
         blocks[1, i] += across
         blocks[2, i] += across
-        if speed > 0.0 and push(i, ux, uy, uz, rate, s, work, inertia, force) > 0.0:
+        if speed > 0.0 and push(g, i, ux, uy, uz, rate) > 0.0:
             less = friction * pressure * rate / (speed * (SLIP * SLIP if speed < SLIP else speed * speed))
             blocks[0, i] -= less * ux * ux
             blocks[1, i] -= less * uy * uy
@@ -66,74 +98,70 @@ def press(i, depth, nx, ny, nz, bone, friction, stiffness, rate, m, s, work, ine
 
 
 @inlined
-def push(i, ux, uy, uz, rate, s, work, inertia, force):
+def push(g, i, ux, uy, uz, rate):
     """What is left over in the equation of motion of vertex i along u [N m/s]."""
-    f, t, mass, g = work.forces, work.target, inertia.mass[i], inertia.gravity
+    s, f, t, force, mass, gravity = g.state, g.forces, g.target, g.penalty.force, g.inertia.mass[i], g.inertia.gravity
     return (
-        ux * (f[0, i] + force[0, i] + mass * (g[0] - rate * (s.vx[i] - t[3, i])))
-        + uy * (f[1, i] + force[1, i] + mass * (g[1] - rate * (s.vy[i] - t[4, i])))
-        + uz * (f[2, i] + force[2, i] + mass * (g[2] - rate * (s.vz[i] - t[5, i])))
+        ux * (f[0, i] + force[0, i] + mass * (gravity[0] - rate * (s.vx[i] - t[3, i])))
+        + uy * (f[1, i] + force[1, i] + mass * (gravity[1] - rate * (s.vy[i] - t[4, i])))
+        + uz * (f[2, i] + force[2, i] + mass * (gravity[2] - rate * (s.vz[i] - t[5, i])))
     )
 
 
-@driver
-def press_group(lo, hi, shapes, free, substep, least, rate, m, s, work, inertia, force, blocks):
-    """Add the contacts of the vertices lo to hi with the colliders of a kind that they may touch in this substep."""
+@routine
+def press_all(g, lo, hi, substep, b):
+    """Set the contact forces of the vertices lo to hi [N] and minus their derivatives [N/m]."""
+    s, colliders, rate = g.state, g.colliders, 1.0 / b
+    g.penalty.force[:, lo:hi] = 0
+    g.penalty.blocks[:, lo:hi] = 0
     first, last = tiles(lo, hi)
     for tile in range(first, last):
-        alarmed = is_alarmed(shapes, tile, substep)
-        if shapes.next[tile] > substep and not alarmed:
+        alarmed = is_alarmed(colliders, tile, substep)
+        if colliders.next[tile] > substep and not alarmed:
             continue
         start, end = tile * TILE, min(tile * TILE + TILE, hi)
-        for k in range(1, shapes.active[0] + 1):
-            if shapes.wake[tile, k - 1] > substep and not alarmed:
+        for k in range(1, colliders.active[0] + 1):
+            if colliders.wake[tile, k - 1] > substep and not alarmed:
                 continue
-            c = shapes.active[k]
-            place(shapes, c, m.positions, m.matrices)
-            thickness = shapes.colliders[c].thickness
-            if look(shapes, c, s, start, end, thickness) >= 0.0:
+            c = colliders.active[k]
+            place(colliders, c, g.bones)
+            thickness = colliders.records[c].thickness
+            if look(colliders, c, s, start, end, thickness) >= 0.0:
                 continue
             for i in range(start, end):
-                if shapes.gaps[i - start] < 0.0 and free[i]:
-                    distance, nx, ny, nz = distance_to(shapes, c, s.x[i], s.y[i], s.z[i])
-                    press(
-                        i, thickness - distance, nx, ny, nz, shapes.colliders[c].bone, shapes.colliders[c].friction,
-                        least[i] + HARD * rate * rate * inertia.mass[i], rate, m, s, work, inertia, force, blocks,
-                    )  # fmt: skip
+                if colliders.points.gaps[i - start] < 0.0 and g.free[i]:
+                    distance, nx, ny, nz = distance_to(colliders, c, s.x[i], s.y[i], s.z[i])
+                    press(g, c, i, thickness - distance, nx, ny, nz, rate)
 
 
-@driver
-def press_all(lo, hi, problem, groups, substep, b, penalty):
-    """Set the contact forces of the vertices lo to hi [N] and minus their derivatives [N/m]; nothing for None."""
-    if penalty is not None and groups is not None:
-        penalty.force[:, lo:hi] = 0
-        penalty.blocks[:, lo:hi] = 0
-        for shapes in literal_unroll(groups):
-            press_group(
-                lo, hi, shapes, problem.contacts.free, substep, penalty.least, 1.0 / b,
-                problem.bones, problem.state, problem.work, problem.inertia, penalty.force, penalty.blocks,
-            )  # fmt: skip
+@unit
+def press_colliders(g, team, substep, substeps, b):
+    """Find the contact forces of a stage, and add them to the others."""
+    press_all(g, team.lo, team.hi, substep, b)
+    for axis in range(3):
+        add(g.penalty.force[axis, team.lo : team.hi], g.forces[axis, team.lo : team.hi])
 
 
-@driver
-def look_around(lo, hi, groups, m, s, step):
-    """Let those colliders sleep that the vertices lo to hi can't touch in the first step of a frame, of `step` [s]."""
-    if groups is not None:
-        for shapes in literal_unroll(groups):
-            _look_around(lo, hi, shapes, m, s, step)
+@kernel
+def add(values, out):
+    """Add the values to `out`."""
+    for i in range(out.size):
+        out[i] += values[i]
 
 
-@driver
-def _look_around(lo, hi, shapes, m, s, step):
-    shapes.clock[MOMENT] += 1
-    first, last = tiles(lo, hi)
+@unit
+def find_touchable(g, team, substep, substeps, step):
+    """Let those colliders sleep that the cloth can't touch in the first step of a frame."""
+    s, colliders, m = g.state, g.colliders, g.bones
+    colliders.clock[MOMENT] += 1
+    first, last = tiles(team.lo, team.hi)
     for tile in range(first, last):
-        start, end = tile * TILE, min(tile * TILE + TILE, hi)
+        start, end = tile * TILE, min(tile * TILE + TILE, team.hi)
         mid = (start + end) // 2
         far, fast = spread(s, start, end)
-        for k in range(1, shapes.active[0] + 1):
-            c = shapes.active[k]
-            place(shapes, c, m.positions, m.matrices)
-            speed = approach(s, mid, far, fast, shapes.colliders[c].bone, m)
-            gap = look(shapes, c, s, start, end, shapes.colliders[c].thickness)
-            shapes.wake[tile, k - 1] = nap(gap, speed, step) - 1
+        for k in range(1, colliders.active[0] + 1):
+            c = colliders.active[k]
+            place(colliders, c, m)
+            speed = approach(s, mid, far, fast, colliders.records[c].bone, m)
+            gap = look(colliders, c, s, start, end, colliders.records[c].thickness)
+            colliders.wake[tile, k - 1] = nap(gap, speed, step) - 1

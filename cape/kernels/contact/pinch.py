@@ -11,7 +11,7 @@ import math
 
 from cape.kernels.bones import velocity_at
 from cape.kernels.contact.shapes import distance_to
-from cape.kernels.jit import driver, inlined
+from cape.kernels.jit import inlined, routine
 
 FACING = 0.5  # most of a cosine between the normals of colliders that pinch: more, and out is not far
 SQUEEZE = 5e3  # m/s2: strains cloth between limbs by 8 %; 2e3 by 5, but leaves some vertices of clips inside
@@ -19,66 +19,67 @@ LEVEL = 1e-3  # sum of two normals that has no direction
 
 
 @inlined
-def note(shapes, s, i, k):
+def note(colliders, s, i, k):
     """Note that a collider touches vertex i, the k'th of its tile, and at first where it is and how fast."""
-    if shapes.touches[k] == 0:
-        b = shapes.before
+    if colliders.touches[k] == 0:
+        b = colliders.before
         b[0, k], b[1, k], b[2, k], b[3, k], b[4, k], b[5, k] = s.x[i], s.y[i], s.z[i], s.vx[i], s.vy[i], s.vz[i]
-    shapes.touches[k] += 1
+    colliders.touches[k] += 1
 
 
 @inlined
-def gap_of(shapes, c, x, y, z, share):
+def gap_of(colliders, c, x, y, z, share):
     """How far a point of the world is out of a `share` of the thickness of collider c [m], and the normal there."""
-    distance, nx, ny, nz = distance_to(shapes, c, x, y, z)
-    return distance - share * shapes.colliders[c].thickness, nx, ny, nz
+    distance, nx, ny, nz = distance_to(colliders, c, x, y, z)
+    return distance - share * colliders.records[c].thickness, nx, ny, nz
 
 
 @inlined
-def pinching(shapes, x, y, z, share):
+def pinching(colliders, x, y, z, share):
     """The two hot colliders that pinch a point, each with its gap [m] and normal there.
 
     The second is -1 where there is none: where no two overlap that face each other.
     """
-    hot = shapes.hot
+    hot = colliders.hot
     a, first, nx, ny, nz = 0, math.inf, 0.0, 0.0, 0.0
     for n in range(1, hot[0] + 1):
-        gap, mx, my, mz = gap_of(shapes, hot[n], x, y, z, share)
+        gap, mx, my, mz = gap_of(colliders, hot[n], x, y, z, share)
         if gap < first:
             a, first, nx, ny, nz = hot[n], gap, mx, my, mz
     b, second, ox, oy, oz = -1, -first, 0.0, 0.0, 0.0
     if first < 0.0:
         for n in range(1, hot[0] + 1):
             if hot[n] != a:
-                gap, mx, my, mz = gap_of(shapes, hot[n], x, y, z, share)
+                gap, mx, my, mz = gap_of(colliders, hot[n], x, y, z, share)
                 if gap < second and nx * mx + ny * my + nz * mz < FACING:
                     b, second, ox, oy, oz = hot[n], gap, mx, my, mz
     return a, first, nx, ny, nz, b, second, ox, oy, oz
 
 
-@driver
-def hold_pinched(start, end, s, shapes, share, step, most, m):
+@routine
+def hold_pinched(contact, start, end, step, most):
     """Hold those of vertices start to end that two hot colliders pinch, and note which.
 
     They move with the mean of both surfaces, and by at most `most` [m] in this step towards the middle between them.
     """
+    s, colliders, share, m = contact.state, contact.colliders, contact.share, contact.bones
     for i in range(start, end):
         k = i - start
-        if shapes.touches[k] < 2:
+        if colliders.touches[k] < 2:
             continue
-        x, y, z = shapes.before[0, k], shapes.before[1, k], shapes.before[2, k]
-        a, first, nx, ny, nz, b, second, ox, oy, oz = pinching(shapes, x, y, z, share)
-        shapes.pinched[i] = b >= 0
+        x, y, z = colliders.before[0, k], colliders.before[1, k], colliders.before[2, k]
+        a, first, nx, ny, nz, b, second, ox, oy, oz = pinching(colliders, x, y, z, share)
+        colliders.pinched[i] = b >= 0
         if b < 0:
             continue
         gx, gy, gz = nx + ox, ny + oy, nz + oz
         nx, ny, nz = nx - ox, ny - oy, nz - oz
         twice = math.sqrt(nx * nx + ny * ny + nz * nz)
         nx, ny, nz = nx / twice, ny / twice, nz / twice
-        sx, sy, sz = velocity_at(shapes.colliders[a].bone, x, y, z, m)
-        tx, ty, tz = velocity_at(shapes.colliders[b].bone, x, y, z, m)
+        sx, sy, sz = velocity_at(colliders.records[a].bone, x, y, z, m)
+        tx, ty, tz = velocity_at(colliders.records[b].bone, x, y, z, m)
         sx, sy, sz = 0.5 * (sx + tx), 0.5 * (sy + ty), 0.5 * (sz + tz)
-        u, v, w = shapes.before[3, k], shapes.before[4, k], shapes.before[5, k]
+        u, v, w = colliders.before[3, k], colliders.before[4, k], colliders.before[5, k]
         rx, ry, rz = u - sx, v - sy, w - sz
         across = rx * nx + ry * ny + rz * nz
         rx, ry, rz = rx - across * nx, ry - across * ny, rz - across * nz

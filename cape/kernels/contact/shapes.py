@@ -1,15 +1,16 @@
-"""Colliders as arrays: a record for each kind of shape, where they are, and how far a point is from one."""
+"""Colliders as arrays: one record each, where they are, and how far a point is from one.
 
-from collections.abc import Callable
+What kind of shape a collider has is data: its record holds the addresses of the code that tells distances from that
+shape. So all kinds are in one list, and a scene's code has the distances of its own shapes and no others.
+"""
+
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import literal_unroll
-from numba.extending import overload
 from numpy.typing import NDArray
 
-from cape.kernels.contact.distance import to_box, to_capsule, to_plane, to_tapered_capsule
-from cape.kernels.jit import INLINED, driver, inlined
+from cape.kernels.contact.order import from_order, to_order
+from cape.kernels.jit import Function, inlined, intrinsic, loop, routine
 
 Array = NDArray[np.float64]
 
@@ -26,33 +27,48 @@ COLLIDER = np.dtype(
         ("thin", np.int64),
         ("placed", np.float64, 12),
         ("placed_at", np.int64),
+        ("nearest", np.int64),
+        ("gaps", np.int64),
+        ("planes", np.int64),
     ],
     align=True,
 )
 """A collider: `bone` carries it, `origin` [m] and `frame` shape_to_bone place its own frame, in which `sizes` say what
-it is (`distance`). `core` [m] is how far a point may go at once without passing the middle, `thickness` [m] the
-distance at which the cloth is stopped; triangles must be kept out of it where it is `thin` as against them.
+it is. `core` [m] is how far a point may go at once without passing the middle, `thickness` [m] the distance at which
+the cloth is stopped; triangles must be kept out of it where it is `thin` as against them.
 
-`placed` is shape_to_world as the rows of a rotation and an origin [m], as of the moment `placed_at`.
+`placed` is shape_to_world as the rows of a rotation and an origin [m], as of the moment `placed_at`. `nearest`, `gaps`
+and `planes` are the addresses of the shape's distances: from a point, from a tile of them, and from triangles' middles.
 """
 
 MOMENT, DUE = 0, 1
 
 
-class Shapes(NamedTuple):
-    """C colliders of one kind, and what is noted about them and the T tiles of vertices during a frame.
+class Points(NamedTuple):
+    """Points in the frame of a shape [m], how far each is off it less a thickness [m], and the normals there, (n,)."""
 
-    `colliders` (C,) are records of `COLLIDER`; `active` (C + 1,), how many the cloth may meet in this frame, and which;
+    x: Array
+    y: Array
+    z: Array
+    gaps: Array
+    nx: Array
+    ny: Array
+    nz: Array
+
+
+class Colliders(NamedTuple):
+    """C colliders, and what is noted about them and the T tiles of vertices during a frame.
+
+    `records` (C,) are records of `COLLIDER`; `active` (C + 1,), how many the cloth may meet in this frame, and which;
     `clock`, the present `MOMENT`, which changes as the bones move, and when the next tile is `DUE`. For each tile
-    `wake` (T, C), the turn of contact at which it must look at an active one again, and `next` (T,), the first of them.
-    Shared by all kinds, for each tile `spreads` (T, 3), its size [m], inner speed [m/s] and whether they hold,
-    and `alarm` (T + 1,), the last turn in which it was hit hard, at last of all tiles. `hot` (C + 1,), how many a tile
-    is about to touch, and which; `gaps` [m], how far its vertices are off one of them; `touches`, how many have touched
-    each, and `before` (6, tile), where it was then and how fast. `between` (T,), which tiles two touched last;
-    `pinched` (V,), which vertices two pinched.
+    `wake` (T, C), the turn of contact at which it must look at an active one again, and `next` (T,), the first of them;
+    `spreads` (T, 3), its size [m], inner speed [m/s] and whether they hold, and `alarm` (T + 1,), the last turn in
+    which it was hit hard, at last of all tiles. `hot` (C + 1,), how many a tile is about to touch, and which; `points`,
+    room for its vertices as seen from one of them; `touches`, how many have touched each, and `before` (6, tile), where
+    it was then and how fast. `between` (T,), which tiles two touched last; `pinched` (V,), which vertices two pinched.
     """
 
-    colliders: Any  # a record array
+    records: Any  # a record array
     active: NDArray[np.int64]
     clock: NDArray[np.int64]
     wake: NDArray[np.int64]
@@ -60,40 +76,23 @@ class Shapes(NamedTuple):
     spreads: Array
     alarm: NDArray[np.int64]
     hot: NDArray[np.int64]
-    gaps: Array
+    points: Points
     touches: NDArray[np.int64]
     before: Array
     between: NDArray[np.bool_]
     pinched: NDArray[np.bool_]
 
 
-class Capsules(Shapes):
-    """Capsules and spheres."""
-
-
-class TaperedCapsules(Shapes):
-    """Capsules whose ends differ."""
-
-
-class Boxes(Shapes):
-    """Cuboids."""
-
-
-class Planes(Shapes):
-    """Half-spaces."""
-
-
 class Faces(NamedTuple):
-    """Triangles that must be kept out of those `shapes` of a kind that are thin as against their size.
+    """Triangles that must be kept out of those colliders that are thin as against their size.
 
     `corners` (3, F) are vertices; those of group g of triangles, from `starts` (G + 1,) g to g + 1, hang on vertices of
     the same one of the `tiles` (G,), by edges of at most `longest` [m]. Notes: for each group `wake` (G, C) and `next`
-    (G,), as for the tiles in Shapes; `due`, the first of those of each chunk of groups; `seen`, of the group
-    that is looked at, how far each triangle is off [m], and scratch; `haste`, how far a collider came past triangles
-    in one step at most, as a share of what contact can follow; `pushed`, the last turn in which any of them touched.
+    (G,), as for the tiles of `Colliders`; `due`, the first of those of each chunk of groups; `middles`, of the group
+    that is looked at, and `seen`, its triangles; `haste`, how far a collider came past triangles in one step at most,
+    as a share of what contact can follow; `pushed`, the last turn in which any of them touched.
     """
 
-    shapes: Shapes
     corners: NDArray[np.uint32]
     starts: NDArray[np.int64]
     tiles: NDArray[np.int64]
@@ -101,55 +100,111 @@ class Faces(NamedTuple):
     wake: NDArray[np.int64]
     next: NDArray[np.int64]
     due: NDArray[np.int64]
+    middles: Points
     seen: Array
     haste: Array
     pushed: NDArray[np.int64]
 
 
-DISTANCES: dict[type[Shapes], Callable[..., Any]] = {
-    Capsules: to_capsule,
-    TaperedCapsules: to_tapered_capsule,
-    Boxes: to_box,
-    Planes: to_plane,
-}
-"""The signed distance of each kind."""
+# -- a shape's own code --
 
 
-def signed_distance(shapes, x, y, z, a, b, c, d):
-    """Signed distance [m] of a point from a shape of the record's kind with sizes a to d, and the normal there."""
-    return DISTANCES[type(shapes)](x, y, z, a, b, c, d)
+@loop
+def gaps(formula: Function) -> Any:
+    """How far points are off a shape, less a thickness [m]; returns the least."""
+
+    def gaps(points, count, thickness, a, b, c, d):
+        x, y, z, out = points.x, points.y, points.z, points.gaps
+        least = to_order(np.inf)
+        for i in range(count):
+            distance, _, _, _ = formula(x[i], y[i], z[i], a, b, c, d)
+            gap = distance - thickness
+            out[i] = gap
+            least = min(least, to_order(gap))
+        return from_order(least)
+
+    return gaps
 
 
-@overload(signed_distance, jit_options=INLINED)  # pyright: ignore[reportArgumentType]
-def _signed_distance_of_kind(shapes, x, y, z, a, b, c, d):
-    """Compile the distance of the record's kind in, and no other."""
-    distance = DISTANCES[shapes.instance_class]
+@loop
+def planes(formula: Function) -> Any:
+    """How far points are off a shape [m], with the normals there."""
 
-    def implementation(shapes, x, y, z, a, b, c, d):
-        return distance(x, y, z, a, b, c, d)
+    def planes(points, count, a, b, c, d):
+        x, y, z, out, nx, ny, nz = points.x, points.y, points.z, points.gaps, points.nx, points.ny, points.nz
+        for i in range(count):
+            out[i], nx[i], ny[i], nz[i] = formula(x[i], y[i], z[i], a, b, c, d)
 
-    return implementation
+    return planes
+
+
+numbered: list[Function] = []
+"""Functions that stand behind their numbers where the compiler is off: they have no addresses then."""
+
+
+@intrinsic(lambda code, *given: numbered[code].python(*given))
+def nearest_by(typingctx, code, x, y, z, a, b, c, d):
+    """Call the distance from a point that is at an address."""
+    from numba import types
+
+    number = types.float64
+    return _caller(types.UniTuple(number, 4), (number,) * 7)
+
+
+@intrinsic(lambda code, *given: numbered[code].python(*given))
+def gaps_by(typingctx, code, points, count, thickness, a, b, c, d):
+    """Call the `gaps` that are at an address."""
+    from numba import types
+
+    number = types.float64
+    return _caller(number, (points, types.int64, number, number, number, number, number))
+
+
+@intrinsic(lambda code, *given: numbered[code].python(*given))
+def planes_by(typingctx, code, points, count, a, b, c, d):
+    """Call the `planes` that are at an address."""
+    from numba import types
+
+    number = types.float64
+    return _caller(types.none, (points, types.int64, number, number, number, number))
+
+
+def _caller(result, given):
+    """Signature and code of a call, by address, of what numba's conventions compile for these types."""
+    from numba import types
+
+    def generate(context, builder, signature, arguments):
+        conventions = context.call_conv
+        function = builder.inttoptr(arguments[0], conventions.get_function_type(result, given).as_pointer())
+        _, value = conventions.call_function(builder, function, result, given, arguments[1:])
+        return value
+
+    return result(types.int64, *given), generate
+
+
+# -- where colliders are --
 
 
 @inlined
-def nearest(shapes, c, x, y, z):
+def nearest(colliders, c, x, y, z):
     """Signed distance [m] of a point in the frame of collider c, and the normal there."""
-    sizes = shapes.colliders[c].sizes
-    return signed_distance(shapes, x, y, z, sizes[0], sizes[1], sizes[2], sizes[3])
+    record = colliders.records[c]
+    sizes = record.sizes
+    return nearest_by(record.nearest, x, y, z, sizes[0], sizes[1], sizes[2], sizes[3])
 
 
 @inlined
-def place(shapes, c, positions, matrices):
-    """Set where collider c is, given the bones' `positions` [m] (B, 3) and `matrices` bone_to_world (B, 3, 3)."""
-    collider = shapes.colliders[c]
-    if collider.placed_at != shapes.clock[MOMENT]:
-        collider.placed_at = shapes.clock[MOMENT]
-        _place(collider, positions[collider.bone], matrices[collider.bone])
+def place(colliders, c, bones):
+    """Set where collider c is, given where the `bones` are, a `MotionRoom`."""
+    record = colliders.records[c]
+    if record.placed_at != colliders.clock[MOMENT]:
+        record.placed_at = colliders.clock[MOMENT]
+        _place(record, bones.positions[record.bone], bones.matrices[record.bone])
 
 
-@driver
-def _place(collider, position, m):
-    origin, frame, out = collider.origin, collider.frame, collider.placed
+@routine
+def _place(record, position, m):
+    origin, frame, out = record.origin, record.frame, record.placed
     for i in range(3):
         out[9 + i] = position[i] + m[i, 0] * origin[0] + m[i, 1] * origin[1] + m[i, 2] * origin[2]
         for j in range(3):
@@ -157,19 +212,17 @@ def _place(collider, position, m):
 
 
 @inlined
-def numbers_of(shapes, c):
-    """Where collider c is placed, as `placed`, and its sizes, both out of memory: loops over points then vectorise."""
-    r, sizes = shapes.colliders[c].placed, shapes.colliders[c].sizes
-    placed = r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11]
-    return placed, (sizes[0], sizes[1], sizes[2], sizes[3])
+def numbers_of(placed):
+    """Where a collider is, out of memory: loops over points then vectorise."""
+    r = placed
+    return r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11]
 
 
-@driver
-def forget_places(groups):
-    """Note that the bones have moved."""
-    if groups is not None:
-        for shapes in literal_unroll(groups):
-            shapes.clock[MOMENT] += 1
+@routine
+def forget_places(colliders):
+    """Note that the bones have moved; nothing for None."""
+    if colliders is not None:
+        colliders.clock[MOMENT] += 1
 
 
 @inlined
@@ -186,10 +239,10 @@ def direction_to_world(r, x, y, z):
 
 
 @inlined
-def distance_to(shapes, c, x, y, z):
+def distance_to(colliders, c, x, y, z):
     """Signed distance [m] of a point of the world from collider c, which is placed, and the normal in the world."""
-    r = shapes.colliders[c].placed
+    r = colliders.records[c].placed
     lx, ly, lz = into_shape(r, x, y, z)
-    distance, nx, ny, nz = nearest(shapes, c, lx, ly, lz)
+    distance, nx, ny, nz = nearest(colliders, c, lx, ly, lz)
     nx, ny, nz = direction_to_world(r, nx, ny, nz)
     return distance, nx, ny, nz

@@ -11,14 +11,14 @@ import math
 import numpy as np
 
 from cape.kernels.bones import velocity_at
-from cape.kernels.contact.shapes import DUE, MOMENT, distance_to, into_shape, numbers_of, place, signed_distance
-from cape.kernels.jit import driver, inlined
+from cape.kernels.contact.order import from_order, to_order
+from cape.kernels.contact.shapes import DUE, MOMENT, distance_to, gaps_by, into_shape, numbers_of, place
+from cape.kernels.jit import inlined, kernel, routine
 
 TILE = 32  # vertices: smaller tiles meet fewer colliders, larger ones cost fewer calls
 GAIN = 4.0  # m/s that the speed between a tile and a collider may grow by while the pair sleeps,
 RISE = 2e3  # m/s2 and how fast it may do so
 LONGEST = 2**20  # steps that a pair may sleep
-MAGNITUDE = np.int64(2**63 - 1)  # the bits of a number, but for its sign
 JOLT = 0.5 * GAIN  # m/s that a hit may take; after a harder one nothing around sleeps
 NEVER = -2  # turn
 STALE = 0.003  # s after which the spreads of all tiles are measured again
@@ -28,19 +28,6 @@ STALE = 0.003  # s after which the spreads of all tiles are measured again
 def tiles(lo, hi):
     """First tile of the vertices lo to hi, lo a multiple of `TILE`, and the one after their last."""
     return lo // TILE, (hi + TILE - 1) // TILE
-
-
-@inlined
-def to_order(number):
-    """A whole number for each real one, in the same order: vector units find the least of them at once."""
-    bits = np.float64(number).view(np.int64)
-    return bits ^ ((bits >> np.int64(63)) & MAGNITUDE)
-
-
-@inlined
-def from_order(order):
-    """The number that `to_order` gave this one for."""
-    return np.int64(order ^ ((order >> np.int64(63)) & MAGNITUDE)).view(np.float64)
 
 
 @inlined
@@ -69,50 +56,50 @@ def approach(s, mid, far, fast, bone, m):
     return math.sqrt(sx * sx + sy * sy + sz * sz) + fast + turn * far
 
 
-@driver
-def begin(lo, hi, s, shapes, m, duration):
+@routine
+def begin(lo, hi, s, colliders, m, duration):
     """Note which colliders the cloth may meet within a frame of `duration` [s], at whose start the bones are.
 
     Reads all vertices: no thread may move its own before all have come here.
     """
     far, fast = spread(s, 0, s.x.size)
     mid = s.x.size // 2
-    shapes.clock[MOMENT] += 1
+    colliders.clock[MOMENT] += 1
     count = 0
-    for c in range(shapes.colliders.size):
-        place(shapes, c, m.positions, m.matrices)
-        distance, _, _, _ = distance_to(shapes, c, s.x[mid], s.y[mid], s.z[mid])
-        speed = approach(s, mid, far, fast, shapes.colliders[c].bone, m) + GAIN
-        if distance - shapes.colliders[c].thickness - far < speed * duration:
+    for c in range(colliders.records.size):
+        place(colliders, c, m)
+        distance, _, _, _ = distance_to(colliders, c, s.x[mid], s.y[mid], s.z[mid])
+        speed = approach(s, mid, far, fast, colliders.records[c].bone, m) + GAIN
+        if distance - colliders.records[c].thickness - far < speed * duration:
             count += 1
-            shapes.active[count] = c
-    shapes.active[0] = count
+            colliders.active[count] = c
+    colliders.active[0] = count
     first, end = tiles(lo, hi)
-    shapes.clock[DUE] = 0
-    shapes.next[first:end] = 0
-    shapes.wake[first:end] = 0
-    shapes.between[first:end] = True
-    shapes.alarm[first:end] = NEVER
-    shapes.alarm[-1] = NEVER
+    colliders.clock[DUE] = 0
+    colliders.next[first:end] = 0
+    colliders.wake[first:end] = 0
+    colliders.between[first:end] = True
+    colliders.alarm[first:end] = NEVER
+    colliders.alarm[-1] = NEVER
 
 
-@inlined
-def look(shapes, c, s, start, end, thickness):
+@routine
+def look(colliders, c, s, start, end, thickness):
     """Tell how far the nearest of vertices start to end is beyond `thickness` [m] from collider c, below 0 within it.
 
-    `shapes.gaps` are set to how far each is [m].
+    `colliders.points.gaps` are set to how far each is [m].
     """
-    gaps = shapes.gaps
-    x, y, z = s.x[start:end], s.y[start:end], s.z[start:end]
-    placed, (e, f, g, h) = numbers_of(shapes, c)
-    least = to_order(math.inf)
-    for i in range(end - start):
-        px, py, pz = into_shape(placed, x[i], y[i], z[i])
-        distance, _, _, _ = signed_distance(shapes, px, py, pz, e, f, g, h)
-        gap = distance - thickness
-        gaps[i] = gap
-        least = min(least, to_order(gap))
-    return from_order(least)
+    record, points = colliders.records[c], colliders.points
+    to_frame(numbers_of(record.placed), s.x[start:end], s.y[start:end], s.z[start:end], points.x, points.y, points.z)
+    sizes = record.sizes
+    return gaps_by(record.gaps, points, end - start, thickness, sizes[0], sizes[1], sizes[2], sizes[3])
+
+
+@kernel
+def to_frame(placed, x, y, z, px, py, pz):
+    """Points of the world in the frame of a shape."""
+    for i in range(x.size):
+        px[i], py[i], pz[i] = into_shape(placed, x[i], y[i], z[i])
 
 
 @inlined
@@ -126,38 +113,38 @@ def nap(gap, speed, step):
 
 
 @inlined
-def is_due(shapes, turn):
+def is_due(colliders, turn):
     """Tell whether any tile must be looked at."""
-    return shapes.clock[DUE] <= turn or were_alarmed(shapes, turn)
+    return colliders.clock[DUE] <= turn or were_alarmed(colliders, turn)
 
 
 @inlined
-def were_alarmed(shapes, turn):
+def were_alarmed(colliders, turn):
     """Tell whether any tile was hit hard just now."""
-    return shapes.alarm[-1] >= turn - 1
+    return colliders.alarm[-1] >= turn - 1
 
 
 @inlined
-def is_alarmed(shapes, tile, turn):
+def is_alarmed(colliders, tile, turn):
     """Tell whether a tile was hit hard just now, by whatever kind of collider: it may be anywhere soon."""
-    return shapes.alarm[tile] >= turn - 1
+    return colliders.alarm[tile] >= turn - 1
 
 
 @inlined
-def alarm(shapes, tile, turn):
+def alarm(colliders, tile, turn):
     """Note that a tile was hit hard."""
-    shapes.alarm[tile] = shapes.alarm[-1] = turn
-    shapes.spreads[tile, 2] = 0
+    colliders.alarm[tile] = colliders.alarm[-1] = turn
+    colliders.spreads[tile, 2] = 0
 
 
 @inlined
 def alarm_all(notes, turn):
-    """Note that any tile may have been hit hard; `notes` have the `alarm` and `spreads` of `Shapes`."""
+    """Note that any tile may have been hit hard; `notes` have the `alarm` and `spreads` of `Colliders`."""
     notes.alarm[:] = turn
     notes.spreads[:, 2] = 0.0
 
 
-@driver
+@routine
 def measure_tiles(lo, hi, s, spreads, turn, step):
     """Measure the tiles of vertices lo to hi where their spreads have become stale.
 

@@ -6,8 +6,8 @@ the same bits for any number of threads.
 
 import numpy as np
 
-from cape.kernels.implicit.stiffness import multiply
-from cape.kernels.jit import driver, kernel
+from cape.kernels.jit import kernel, routine
+from cape.kernels.program import run
 from cape.kernels.team import meet
 
 CHUNK = 64  # vertices; the ranges of threads are multiples of it
@@ -81,7 +81,7 @@ def turn(beta, zx, zy, zz, px, py, pz):
         pz[i] = zz[i] + beta * pz[i]
 
 
-@driver
+@routine
 def total(sums):
     """Sum of the chunks' sums, one after the other."""
     result = 0.0
@@ -90,7 +90,7 @@ def total(sums):
     return result
 
 
-@driver
+@routine
 def sum_all(lo, hi, front, terms, sums, team):
     """Sum of the terms of all vertices, of which this thread has set those from lo to hi."""
     sum_chunks(terms[front + lo :], sums[lo // CHUNK : (hi + CHUNK - 1) // CHUNK])
@@ -98,18 +98,18 @@ def sum_all(lo, hi, front, terms, sums, team):
     return total(sums)
 
 
-@driver
-def solve_linear(lo, hi, model, matrix, b, scratch, inverse, vectors, terms, sums, forcing, most, team):
+@routine
+def solve_linear(problem, work, b, forcing, team):
     """Solve A d = r until the residual, in the norm of the preconditioner, is `forcing` times what it was.
 
-    `vectors` (5, 3, L) holds d, r, z, p, q; r becomes the residual. Returns the number of iterations and r . d of the
-    given r.
+    `vectors` (5, 3, L) of the matrix holds d, r, z, p, q; r becomes the residual. Returns the number of iterations and
+    r . d of the given r.
     """
-    front = matrix.front
+    matrix, terms, sums, lo, hi = problem.matrix, work.terms, work.sums, team.lo, team.hi
+    front, m, vectors = matrix.front, matrix.inverse, matrix.vectors
     dtype = vectors.dtype.type
     a, e = front + lo, front + hi
     d, r, z, p, q = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
-    m = inverse
     set_out(
         m[0, a:e], m[1, a:e], m[2, a:e], m[3, a:e], m[4, a:e], m[5, a:e], r[0, a:e], r[1, a:e], r[2, a:e],
         d[0, a:e], d[1, a:e], d[2, a:e], z[0, a:e], z[1, a:e], z[2, a:e], p[0, a:e], p[1, a:e], p[2, a:e], terms[a:e],
@@ -117,10 +117,11 @@ def solve_linear(lo, hi, model, matrix, b, scratch, inverse, vectors, terms, sum
     squared = sum_all(lo, hi, front, terms, sums[0], team)
     enough = max(forcing * forcing * squared, FAINTEST)
     slope = 0.0
+    most = problem.settings.linear_iterations
     for iteration in range(most):
         if not squared > enough:
             return iteration, slope
-        multiply(lo, hi, model, matrix, b, scratch, p, q, team)
+        run(problem.product, team, 0, 1, b)
         dot_terms(p[0, a:e], p[1, a:e], p[2, a:e], q[0, a:e], q[1, a:e], q[2, a:e], terms[a:e])
         alpha = squared / sum_all(lo, hi, front, terms, sums[1], team)
         # p . r of the given r is the squared norm of the residual here, since the directions before are conjugate.

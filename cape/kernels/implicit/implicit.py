@@ -1,4 +1,4 @@
-"""Implicit steps: backward Euler and TR-BDF2, one call is one frame, for one thread or each of a team.
+"""Implicit steps: backward Euler and TR-BDF2.
 
 Every stage finds positions x with v = (x - xt) / b and M (v - vt) / b = f(x, v) + M g:
 
@@ -18,10 +18,14 @@ Nocedal and Wright 2006, eq. 3.7b); otherwise the secant leads towards its zero.
 """
 
 import math
+from typing import NamedTuple
 
-from cape.kernels.cloth.forces import compute_forces
-from cape.kernels.contact.penalty import SLIP, look_around, press_all
-from cape.kernels.contact.shapes import forget_places
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.kernels.bones import Motion, MotionRoom
+from cape.kernels.contact.penalty import SLIP, Penalty, PenaltyContact, press_all
+from cape.kernels.contact.shapes import Colliders, forget_places
 from cape.kernels.implicit.conjugate_gradients import CHUNK, dot_terms, solve_linear, sum_all
 from cape.kernels.implicit.stages import (
     begin_bdf2,
@@ -36,13 +40,14 @@ from cape.kernels.implicit.stages import (
     stand,
     subtract_inertia,
 )
-from cape.kernels.implicit.stiffness import add, copy, prepare
-from cape.kernels.jit import driver
-from cape.kernels.self_contact.self_contact import add_held, add_pressure, keep_apart
-from cape.kernels.solve.attachments import hold_rigidly
-from cape.kernels.solve.frame import begin_frame, keep_out
-from cape.kernels.solve.journal import note_end, note_integrated, note_pressed
-from cape.kernels.team import meet, span
+from cape.kernels.implicit.stiffness import Matrix, copy
+from cape.kernels.jit import routine, unit
+from cape.kernels.program import Program, run
+from cape.kernels.solve.attachments import Attached, hold_rigidly
+from cape.kernels.state import Inertia, State
+from cape.kernels.team import meet
+
+Array = NDArray[np.floating]
 
 GAMMA = 2.0 - math.sqrt(2.0)
 SLOPE = 0.9  # share of the first directional derivative up to which a step may overshoot
@@ -53,23 +58,93 @@ EXACT = 0.1  # share of SLIP to which velocities are solved where contact presse
 UNSOLVED, NEWTON, LINEAR, SHORTENED = 0, 1, 2, 3  # what is counted: stages not solved, iterations, shortened steps
 
 
-@driver
-def evaluate(lo, hi, problem, substep, penalty, b, team):
-    """Set velocities, contact forces and the residual that belong to the positions of the vertices lo to hi."""
+class Work(NamedTuple):
+    """Room that threads share: stage data (6, N), positions before a Newton step (3, N), forces (3, N), and sums."""
+
+    start: Array
+    target: Array
+    old: Array
+    acceleration: Array
+    forces: Array
+    terms: Array
+    sums: Array
+    largest: Array
+
+
+class Settings(NamedTuple):
+    """See `ImplicitSolver`; the tolerance is for steps that are solved with a b of `usual` [s] or more."""
+
+    tolerance: float
+    usual: float
+    iterations: int
+    forcing: float
+    linear_iterations: int
+
+
+class Problem(NamedTuple):
+    """The equations of a stage, and what solves them.
+
+    Three programs make them up: `residual` sets all forces but inertia, `linearise` the matrix at a state, `product` is
+    the matrix times a vector. `counts` (4,) are a thread's own; `penalty` is None without colliders.
+    """
+
+    state: State
+    inertia: Inertia
+    matrix: Matrix
+    work: Work
+    settings: Settings
+    counts: NDArray[np.int64]
+    residual: Program
+    linearise: Program
+    product: Program
+    penalty: Penalty | None
+
+
+class Stage(NamedTuple):
+    """A stage whose b is a `share` of the step."""
+
+    problem: Problem
+    share: float
+
+
+class Placing(NamedTuple):
+    """Bones to be placed at a time within a step, as a share `at` of it, for a stage whose b is a `share` of it.
+
+    `attached` and `colliders` are None where there are none; `target` (6, N) is the stage's.
+    """
+
+    state: State
+    motion: Motion
+    bones: MotionRoom
+    attached: Attached | None
+    colliders: Colliders | None
+    target: Array
+    at: float
+    share: float
+
+
+class Accelerations(NamedTuple):
+    """Accelerations (3, N) [m/s2] at the start of a step, of which contact holds some back; None without colliders."""
+
+    problem: Problem
+    contact: PenaltyContact | None
+    share: float
+
+
+@routine
+def evaluate(lo, hi, problem, substep, b, team):
+    """Set velocities, forces and the residual that belong to the positions of the vertices lo to hi."""
     s, work, inertia = problem.state, problem.work, problem.inertia
     dtype = s.x.dtype.type
     rate, g = dtype(1.0 / b), inertia.gravity
-    t, f, r = work.target, work.forces, work.vectors[1]
+    t, f, r = work.target, work.forces, problem.matrix.vectors[1]
     a, e = problem.matrix.front + lo, problem.matrix.front + hi
     follow(
         rate, t[0, lo:hi], t[1, lo:hi], t[2, lo:hi], s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
         s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
     )  # fmt: skip
     meet(team)
-    compute_forces(lo, hi, s, problem.model, f[0], f[1], f[2], problem.scratch, team)
-    press_all(lo, hi, problem, problem.contacts.groups, substep, b, penalty)
-    add_contact(lo, hi, penalty, f)
-    add_pressure(lo, hi, problem.contacts.pressure, inertia.mass, f)
+    run(problem.residual, team, substep, 1, b)
     subtract_inertia(
         rate, dtype(g[0]), dtype(g[1]), dtype(g[2]), inertia.free[lo:hi], inertia.mass[lo:hi],
         t[3, lo:hi], t[4, lo:hi], t[5, lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
@@ -77,18 +152,10 @@ def evaluate(lo, hi, problem, substep, penalty, b, team):
     )  # fmt: skip
 
 
-@driver
-def add_contact(lo, hi, penalty, f):
-    """Add the contact forces of the vertices lo to hi to the others."""
-    if penalty is not None:
-        for axis in range(3):
-            add(penalty.force[axis, lo:hi], f[axis, lo:hi])
-
-
-@driver
+@routine
 def step_along(lo, hi, share, problem):
     """Move the vertices lo to hi a share of the Newton step from where it began."""
-    s, o, d = problem.state, problem.work.old, problem.work.vectors[0]
+    s, o, d = problem.state, problem.work.old, problem.matrix.vectors[0]
     a, e = problem.matrix.front + lo, problem.matrix.front + hi
     move(
         s.x.dtype.type(share), o[0, lo:hi], o[1, lo:hi], o[2, lo:hi], d[0, a:e], d[1, a:e], d[2, a:e],
@@ -96,37 +163,35 @@ def step_along(lo, hi, share, problem):
     )  # fmt: skip
 
 
-@driver
-def slope_here(lo, hi, front, work, team):
+@routine
+def slope_here(lo, hi, problem, team):
     """Minus the directional derivative along the Newton step at the current residual [J]."""
-    d, r, a, e = work.vectors[0], work.vectors[1], front + lo, front + hi
+    work, front = problem.work, problem.matrix.front
+    d, r, a, e = problem.matrix.vectors[0], problem.matrix.vectors[1], front + lo, front + hi
     dot_terms(d[0, a:e], d[1, a:e], d[2, a:e], r[0, a:e], r[1, a:e], r[2, a:e], work.terms[a:e])
     return sum_all(lo, hi, front, work.terms, work.sums[2], team)
 
 
-@driver
-def solve_newton_step(lo, hi, problem, penalty, b, forcing, team):
+@routine
+def solve_newton_step(problem, b, forcing, team):
     """Linearise at the state and solve for the step; returns minus the directional derivative along it [J]."""
-    work, matrix = problem.work, problem.matrix
-    prepare(lo, hi, problem.state, problem.model, b, matrix, penalty, work.inverse, team)
-    iterations, slope = solve_linear(
-        lo, hi, problem.model, matrix, b, work.scratch, work.inverse, work.vectors, work.terms, work.sums,
-        forcing, problem.settings.linear_iterations, team,
-    )  # fmt: skip
+    run(problem.linearise, team, 0, 1, b)
+    iterations, slope = solve_linear(problem, problem.work, b, forcing, team)
     problem.counts[LINEAR] += iterations
     return slope
 
 
-@driver
-def solve_stage(lo, hi, problem, substep, b, team):
+@unit
+def solve_stage(g, team, substep, substeps, step):
     """Solve a stage by Newton's method from the positions at hand; counts it if that does not converge."""
-    s, work, front, penalty = problem.state, problem.work, problem.matrix.front, problem.penalty
+    problem, b, lo, hi = g.problem, g.share * step, team.lo, team.hi
+    s, work = problem.state, problem.work
     # What is left to correct acts on a vertex like a force, of its mass times that over b squared.
     shorter = min(1.0, b / problem.settings.usual)
     tolerance = problem.settings.tolerance * shorter * shorter
-    evaluate(lo, hi, problem, substep, penalty, b, team)
+    evaluate(lo, hi, problem, substep, b, team)
     for _ in range(problem.settings.iterations):
-        slope = solve_newton_step(lo, hi, problem, penalty, b, problem.settings.forcing, team)
+        slope = solve_newton_step(problem, b, problem.settings.forcing, team)
         problem.counts[NEWTON] += 1
         copy(s.x[lo:hi], work.old[0, lo:hi])
         copy(s.y[lo:hi], work.old[1, lo:hi])
@@ -137,24 +202,24 @@ def solve_stage(lo, hi, problem, substep, b, team):
                 share *= min(max(slope / (slope - here), NARROWEST), WIDEST)
                 problem.counts[SHORTENED] += 1
             step_along(lo, hi, share, problem)
-            evaluate(lo, hi, problem, substep, penalty, b, team)
-            here = slope_here(lo, hi, front, work, team)
+            evaluate(lo, hi, problem, substep, b, team)
+            here = slope_here(lo, hi, problem, team)
             if here >= -SLOPE * slope:
                 break
-        left = share * largest_correction(lo, hi, front, work, tolerance, penalty, b)
-        if largest_of_all(lo, hi, left, work, team) < 1.0:
+        left = share * largest_correction(lo, hi, problem, tolerance, problem.penalty, b)
+        if largest_of_all(lo, hi, left, work.largest, team) < 1.0:
             return
     problem.counts[UNSOLVED] += 1
 
 
-@driver
-def largest_correction(lo, hi, front, work, tolerance, penalty, b):
+@routine
+def largest_correction(lo, hi, problem, tolerance, penalty, b):
     """Largest of the Newton steps of the vertices lo to hi, as a share of what may be left.
 
     That is the `tolerance` [m], and where contact presses at most what changes a velocity by little as against `SLIP`,
     on which friction depends; the linear systems are not solved much better for such a vertex than its pressure is.
     """
-    d = work.vectors[0]
+    d, front = problem.matrix.vectors[0], problem.matrix.front
     largest = longest(d, front + lo, front + hi) / tolerance
     if penalty is not None:
         f, least = penalty.force, min(tolerance, EXACT * SLIP * b)
@@ -164,10 +229,9 @@ def largest_correction(lo, hi, front, work, tolerance, penalty, b):
     return largest
 
 
-@driver
-def largest_of_all(lo, hi, value, work, team):
+@routine
+def largest_of_all(lo, hi, value, largest, team):
     """Largest of the values that the threads have; a NaN is larger than all."""
-    largest = work.largest
     largest[lo // CHUNK : (hi + CHUNK - 1) // CHUNK] = value
     meet(team)
     result = 0.0
@@ -178,27 +242,44 @@ def largest_of_all(lo, hi, value, work, team):
     return result
 
 
-@driver
-def accelerate(lo, hi, problem, b, team):
-    """Find the accelerations at the start of a frame from A a = (f + M g) / b^2.
+@unit
+def find_acceleration(g, team, substep, substeps, step):
+    """Find the accelerations at the start of a frame from A a = (f + M g) / b^2; `residual` is without contact.
 
     Those of modes slower than the step are what f and M say, to second order in the step. The others, which that would
     make huge from the last digits of the positions, are bounded.
     """
-    s, work = problem.state, problem.work
-    dtype = s.x.dtype.type
-    stand(
-        dtype(b), s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.target[:, lo:hi]
-    )  # fmt: skip
-    evaluate(lo, hi, problem, 0, None, b, team)
-    solve_newton_step(lo, hi, problem, None, b, problem.settings.forcing**3, team)
-    d, a, e = work.vectors[0], problem.matrix.front + lo, problem.matrix.front + hi
-    scale(dtype(1.0 / (b * b)), d[0, a:e], d[1, a:e], d[2, a:e], work.acceleration[:, lo:hi])
+    if substep == 0:
+        problem, b, lo, hi = g.problem, g.share * step, team.lo, team.hi
+        s, work = problem.state, problem.work
+        dtype = s.x.dtype.type
+        stand(
+            dtype(b), s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.target[:, lo:hi]
+        )  # fmt: skip
+        evaluate(lo, hi, problem, 0, b, team)
+        solve_newton_step(problem, b, problem.settings.forcing**3, team)
+        d, a, e = problem.matrix.vectors[0], problem.matrix.front + lo, problem.matrix.front + hi
+        scale(dtype(1.0 / (b * b)), d[0, a:e], d[1, a:e], d[2, a:e], work.acceleration[:, lo:hi])
 
 
-@driver
-def keep_acceleration(lo, hi, problem, b):
+@unit
+def hold_back_at_start(g, team, substep, substeps, step):
+    """Find the contact forces at the start of a frame, and what they hold back of the accelerations there."""
+    if substep == 0:
+        press_all(g.contact, team.lo, team.hi, substep, g.share * step)
+        balance(team.lo, team.hi, g.problem.inertia.inverse_mass, g.problem.work.acceleration, g.problem.penalty)
+
+
+@unit
+def hold_back(g, team, substep, substeps, step):
+    """Let contact forces hold back accelerations, as far as they act."""
+    balance(team.lo, team.hi, g.problem.inertia.inverse_mass, g.problem.work.acceleration, g.problem.penalty)
+
+
+@unit
+def keep_acceleration(g, team, substep, substeps, step):
     """Note the accelerations at the end of a step, without those of contact."""
+    problem, b, lo, hi = g.problem, g.share * step, team.lo, team.hi
     s, work = problem.state, problem.work
     note_acceleration(
         s.x.dtype.type(1.0 / b), s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.target[:, lo:hi],
@@ -207,7 +288,7 @@ def keep_acceleration(lo, hi, problem, b):
     _without_contact(lo, hi, problem.inertia.inverse_mass, work.acceleration, problem.penalty)
 
 
-@driver
+@routine
 def _without_contact(lo, hi, inverse_mass, acceleration, penalty):
     if penalty is not None:
         for axis in range(3):
@@ -215,7 +296,7 @@ def _without_contact(lo, hi, inverse_mass, acceleration, penalty):
                 acceleration[axis, i] -= inverse_mass[i] * penalty.force[axis, i]
 
 
-@driver
+@routine
 def balance(lo, hi, inverse_mass, acceleration, penalty):
     """Add the share of each vertex's contact force that brings its acceleration closest to zero, at most all of it.
 
@@ -233,92 +314,41 @@ def balance(lo, hi, inverse_mass, acceleration, penalty):
                     a[axis, i] += share * f[axis, i]
 
 
-@driver
-def begin(lo, hi, problem, duration, h, team):
-    """Find the velocities at which the bones move through the frame, and what the cloth may touch in its first step."""
-    contacts, bones, s = problem.contacts, problem.bones, problem.state
-    begin_frame(
-        lo, hi, s, problem.attached, contacts.groups, contacts.faces, problem.motion, bones, duration, 1, team
+@unit
+def place_bones(g, team, substep, substeps, step):
+    """Place the bones, and what they hold, at a time within the step."""
+    time, b = (substep + g.at) * step, g.share * step
+    place_at(time, g.motion, g.bones)
+    forget_places(g.colliders)
+    hold_rigidly(team.lo, team.hi, g.state, g.attached, g.bones, time, b, g.target)
+
+
+@unit
+def aim_backward(g, team, substep, substeps, step):
+    """Begin a step of backward Euler."""
+    s, target, lo, hi = g.state, g.work.target, team.lo, team.hi
+    begin_euler(
+        s.x.dtype.type(step), s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
+        target[:, lo:hi],
     )  # fmt: skip
-    look_around(lo, hi, contacts.groups, bones, s, h)
 
 
-@driver
-def place_bones(lo, hi, problem, time, b):
-    """Place the bones and what they hold of the vertices lo to hi `time` [s] after the frame's start."""
-    place_at(time, problem.motion, problem.bones)
-    forget_places(problem.contacts.groups)
-    hold_rigidly(lo, hi, problem.state, problem.attached, problem.bones, time, b, problem.work.target)
-
-
-@driver
-def leave_colliders(lo, hi, problem, earlier, substep, substeps, h, journal, team):
-    """Move out what a step of `h` [s] leaves deeper than contact forces should, or on a fast limb's other side.
-
-    And keep the cloth's layers apart.
-    """
-    contacts, s, inverse_mass = problem.contacts, problem.state, problem.inertia.inverse_mass
-    note_integrated(lo, hi, s, journal, substep)
-    note_pressed(lo, hi, problem.penalty, contacts.pressure, journal, substep)
-    keep_out(
-        lo, hi, s, inverse_mass, earlier, contacts.free, contacts.groups, contacts.faces, problem.bones, GUARD, substep,
-        h, team,
+@unit
+def aim_trapezoid(g, team, substep, substeps, step):
+    """Begin the first stage of TR-BDF2."""
+    s, work, lo, hi = g.state, g.work, team.lo, team.hi
+    begin_trapezoid(
+        s.x.dtype.type(0.5 * GAMMA * step), work.acceleration[:, lo:hi], s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
+        s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.start[:, lo:hi], work.target[:, lo:hi],
     )  # fmt: skip
-    keep_apart(s, contacts.layers, inverse_mass, substep, substeps - 1 - substep, h, team)
-    note_end(lo, hi, s, journal, substep)
 
 
-@driver
-def backward_euler_frame(problem, substeps, duration, journal, team):
-    """Advance the state by `duration` [s] in `substeps` steps of backward Euler.
-
-    Of the `problem`, `scratch`, `work.scratch`, `counts`, `bones` and `contacts` are this thread's own. `journal` is
-    None where nothing is noted.
-    """
-    s, work = problem.state, problem.work
-    lo, hi = span(s.x.size, team)
-    h = duration / substeps
-    begin(lo, hi, problem, duration, h, team)
-    for substep in range(substeps):
-        place_bones(lo, hi, problem, substep * h, h)
-        begin_euler(
-            s.x.dtype.type(h), s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
-            work.target[:, lo:hi],
-        )  # fmt: skip
-        place_bones(lo, hi, problem, (substep + 1) * h, h)
-        solve_stage(lo, hi, problem, substep, h, team)
-        leave_colliders(lo, hi, problem, None, substep, substeps, h, journal, team)
-
-
-@driver
-def tr_bdf2_frame(problem, substeps, duration, journal, team):
-    """Advance the state by `duration` [s] in `substeps` steps of TR-BDF2; arguments as for backward Euler."""
-    s, work = problem.state, problem.work
-    lo, hi = span(s.x.size, team)
-    h = duration / substeps
-    b, dtype = 0.5 * GAMMA * h, s.x.dtype.type
-    c1 = 1.0 / (GAMMA * (2.0 - GAMMA))
-    begin(lo, hi, problem, duration, h, team)
-    for substep in range(substeps):
-        place_bones(lo, hi, problem, substep * h, b)
-        if substep == 0:
-            accelerate(lo, hi, problem, b, team)
-            press_all(lo, hi, problem, problem.contacts.groups, substep, b, problem.penalty)
-            balance(lo, hi, problem.inertia.inverse_mass, work.acceleration, problem.penalty)
-        begin_trapezoid(
-            dtype(b), work.acceleration[:, lo:hi], s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
-            s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.start[:, lo:hi], work.target[:, lo:hi],
-        )  # fmt: skip
-        place_bones(lo, hi, problem, (substep + GAMMA) * h, b)
-        solve_stage(lo, hi, problem, substep, b, team)
-        begin_bdf2(
-            dtype(c1 - 1.0), dtype(c1), dtype((1.0 - GAMMA) * h), s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
-            s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.start[:, lo:hi], work.target[:, lo:hi],
-        )  # fmt: skip
-        place_bones(lo, hi, problem, (substep + 1) * h, b)
-        solve_stage(lo, hi, problem, substep, b, team)
-        keep_acceleration(lo, hi, problem, b)
-        add_held(lo, hi, -1.0, problem.contacts.pressure, work.acceleration)
-        leave_colliders(lo, hi, problem, work.start, substep, substeps, h, journal, team)
-        add_held(lo, hi, 1.0, problem.contacts.pressure, work.acceleration)
-        balance(lo, hi, problem.inertia.inverse_mass, work.acceleration, problem.penalty)
+@unit
+def aim_bdf2(g, team, substep, substeps, step):
+    """Begin the second stage of TR-BDF2."""
+    s, work, lo, hi = g.state, g.work, team.lo, team.hi
+    dtype, c1 = s.x.dtype.type, 1.0 / (GAMMA * (2.0 - GAMMA))
+    begin_bdf2(
+        dtype(c1 - 1.0), dtype(c1), dtype((1.0 - GAMMA) * step), s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
+        s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.start[:, lo:hi], work.target[:, lo:hi],
+    )  # fmt: skip

@@ -5,11 +5,70 @@ links, some of them of negative weight. `coefficients` has the rows wx, wy, wz, 
 BLOCK); `ends` is room for what each link keeps for its other end, laid out as the forces there.
 """
 
+from typing import NamedTuple
+
 from cape.kernels.absent import row
-from cape.kernels.cloth.mesh import BLOCK, ENDS, collect
+from cape.kernels.cloth.mesh import BLOCK, ENDS, MeshBends, MeshSprings, collect
 from cape.kernels.implicit.linearise import linearised
-from cape.kernels.jit import driver, inlined, kernel
+from cape.kernels.implicit.stiffness import Matrix, damped
+from cape.kernels.jit import inlined, kernel, routine, unit
+from cape.kernels.state import State
 from cape.kernels.team import meet
+
+
+class MeshStiffness(NamedTuple):
+    """The matrix of a mesh; `bends` is None without bending."""
+
+    state: State
+    springs: MeshSprings
+    bends: MeshBends | None
+    matrix: Matrix
+
+
+@unit
+def multiply_mesh(g, team, substep, substeps, b):
+    """Add the product of p with a mesh's links to q."""
+    matrix, p, q, lo, hi = g.matrix, g.matrix.vectors[3], g.matrix.vectors[4], team.lo, team.hi
+    multiply_links(lo, hi, g.springs.second, matrix.springs, p[0], p[1], p[2], matrix.ends, q[0], q[1], q[2])
+    meet(team)
+    gather(lo, hi, g.springs, matrix.ends, q[0], q[1], q[2])
+
+
+@unit
+def linearise_mesh(g, team, substep, substeps, b):
+    """Find w and c of a mesh's links."""
+    dtype = g.state.x.dtype.type
+    stretched, bend_scale = dtype(damped(g.matrix.damping, b)), dtype(damped(g.matrix.bend_damping, b))
+    _linearise(team.lo, team.hi, g.state, g.springs, g.bends, stretched, bend_scale, g.matrix.springs)
+
+
+@routine
+def _linearise(lo, hi, s, links, bends, stretched, bend_scale, coefficients):
+    tiny = s.x.dtype.type(1e-18)
+    if bends is not None:
+        linearise_links(
+            lo, hi, s.x, s.y, s.z, links.second, links.stiffness, links.rest, bends.weight, stretched, bend_scale,
+            tiny, coefficients,
+        )  # fmt: skip
+    else:
+        linearise_links(
+            lo, hi, s.x, s.y, s.z, links.second, links.stiffness, links.rest, None, stretched, bend_scale,
+            tiny, coefficients,
+        )  # fmt: skip
+
+
+@unit
+def add_mesh_diagonal(g, team, substep, substeps, b):
+    """Add a mesh's links to the block diagonal."""
+    matrix, lo, hi, blocks = g.matrix, team.lo, team.hi, g.matrix.inverse
+    keep_entries(lo, hi, matrix.springs, matrix.ends, None, blocks[0], blocks[1], blocks[2])
+    meet(team)
+    gather(lo, hi, g.springs, matrix.ends, blocks[0], blocks[1], blocks[2])
+    meet(team)
+    keep_entries(lo, hi, matrix.springs, matrix.ends, True, blocks[3], blocks[4], blocks[5])
+    meet(team)
+    gather(lo, hi, g.springs, matrix.ends, blocks[3], blocks[4], blocks[5])
+    meet(team)
 
 
 @kernel
@@ -88,44 +147,7 @@ def entries(x, y, z, c, mixed):
     return x * y, x * z, y * z
 
 
-@driver
+@routine
 def gather(lo, hi, links, ends, a, b, c):
     """Add to each vertex lo to hi what the links of others keep for it."""
     collect(lo, hi, links.sorted_vertices, links.start, links.incoming, ends, a, b, c)
-
-
-@driver
-def linearise_mesh(lo, hi, s, links, bends, stretched, bend_scale, coefficients):
-    """Fill w and c of the links that vertices lo to hi own."""
-    tiny = s.x.dtype.type(1e-18)
-    if bends is not None:
-        linearise_links(
-            lo, hi, s.x, s.y, s.z, links.second, links.stiffness, links.rest, bends.weight, stretched, bend_scale,
-            tiny, coefficients,
-        )  # fmt: skip
-    else:
-        linearise_links(
-            lo, hi, s.x, s.y, s.z, links.second, links.stiffness, links.rest, None, stretched, bend_scale,
-            tiny, coefficients,
-        )  # fmt: skip
-
-
-@driver
-def add_mesh_product(lo, hi, links, coefficients, ends, p, q, team):
-    """Add the product of a mesh's links with p to q on the vertices lo to hi."""
-    multiply_links(lo, hi, links.second, coefficients, p[0], p[1], p[2], ends, q[0], q[1], q[2])
-    meet(team)
-    gather(lo, hi, links, ends, q[0], q[1], q[2])
-
-
-@driver
-def add_mesh_blocks(lo, hi, links, coefficients, ends, blocks, team):
-    """Add a mesh's links to the blocks of the vertices lo to hi."""
-    keep_entries(lo, hi, coefficients, ends, None, blocks[0], blocks[1], blocks[2])
-    meet(team)
-    gather(lo, hi, links, ends, blocks[0], blocks[1], blocks[2])
-    meet(team)
-    keep_entries(lo, hi, coefficients, ends, True, blocks[3], blocks[4], blocks[5])
-    meet(team)
-    gather(lo, hi, links, ends, blocks[3], blocks[4], blocks[5])
-    meet(team)

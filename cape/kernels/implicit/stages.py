@@ -7,7 +7,7 @@ and vt, `start` (6, N) the positions and velocities that a step began with.
 import math
 
 from cape.kernels.bones import fill_matrix
-from cape.kernels.jit import driver, kernel
+from cape.kernels.jit import kernel, routine
 
 
 @kernel
@@ -80,7 +80,7 @@ def begin_euler(h, x, y, z, vx, vy, vz, target):
         z[i] += h * vz[i]
 
 
-@driver
+@routine
 def place_at(time, motion, m):
     """Put the bones where they are `time` [s] after the frame's start."""
     position0, rotation0 = motion.position0, motion.rotation0
@@ -130,7 +130,7 @@ def subtract_inertia(rate, gx, gy, gz, free, mass, ut, vt, wt, vx, vy, vz, fx, f
         rz[i] = free[i] * (fz[i] + m * (gz - rate * (vz[i] - wt[i])))
 
 
-@driver
+@routine
 def longest(d, lo, hi):
     """Length of the longest of the vectors lo to hi [m]; a NaN is longer than all."""
     squared = 0.0

@@ -13,10 +13,132 @@ Vectors have shape (3, L): `front` zeros, the N vertices, zeros to a multiple of
 never leaves the array. Blocks are stored as the rows xx, yy, zz, xy, xz, yz.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.kernels.cloth.grid import GridBends, GridSprings
 from cape.kernels.implicit.linearise import linearised
-from cape.kernels.implicit.mesh_stiffness import add_mesh_blocks, add_mesh_product, linearise_mesh
-from cape.kernels.jit import driver, inlined, kernel
-from cape.kernels.team import meet
+from cape.kernels.jit import inlined, kernel, routine, unit
+from cape.kernels.state import State
+
+Array = NDArray[np.floating]
+
+
+class Matrix(NamedTuple):
+    """What the matrix of a Newton step is made of: vectors and rows of length L.
+
+    `springs` holds w and c of each spring of a grid (4 F, L), or as in `mesh_stiffness`, which needs `ends`; `bends`
+    the couplings of a vertex with the next ones and the second next along each family [N/m] (2 K, L), None without
+    bends; `bend_diagonal` [N/m], `mass` [kg] and `free`, 0 for attached vertices, (L,); `own` blocks (6, L), and the
+    `inverse` of A's block diagonal (6, L). Of `vectors` (5, 3, L) the products are of the fourth, into the last.
+    `damping` and `bend_damping` are damping times [s].
+    """
+
+    front: int
+    springs: Array
+    ends: Array | None
+    bends: Array | None
+    bend_diagonal: Array
+    mass: Array
+    free: Array
+    own: Array
+    inverse: Array
+    vectors: Array
+    damping: float | None
+    bend_damping: float | None
+
+
+class Blocks(NamedTuple):
+    """The matrix, and what contact adds to its own blocks [N/m] (6, N); None for nothing."""
+
+    matrix: Matrix
+    contact: Array | None
+
+
+class GridStiffness(NamedTuple):
+    """The matrix of a grid cloth; `scratch` (3, L) is a thread's own."""
+
+    state: State
+    springs: GridSprings
+    bends: GridBends | None
+    matrix: Matrix
+    scratch: Array
+
+
+# -- products: q = A p --
+
+
+@unit
+def multiply_own(g, team, substep, substeps, b):
+    """Set q to the product of p with the own blocks of a thread's vertices."""
+    m, p, q, a, e = g.own, g.vectors[3], g.vectors[4], g.front + team.lo, g.front + team.hi
+    multiply_blocks(
+        m[0, a:e], m[1, a:e], m[2, a:e], m[3, a:e], m[4, a:e], m[5, a:e], p[0, a:e], p[1, a:e], p[2, a:e],
+        q[0, a:e], q[1, a:e], q[2, a:e],
+    )  # fmt: skip
+
+
+@unit
+def multiply_grid(g, team, substep, substeps, b):
+    """Add the product of p with a grid's springs and bend springs to q."""
+    matrix = g.matrix
+    p, q = matrix.vectors[3], matrix.vectors[4]
+    add_grid_product(team.lo, team.hi, g.springs, matrix.front, matrix.springs, g.scratch, p, q)
+    _add_bends(team.lo, team.hi, g.bends, damped(matrix.bend_damping, b), matrix, p, q)
+
+
+@routine
+def _add_bends(lo, hi, bends, scale, matrix, p, q):
+    if bends is not None:
+        add_grid_bend_product(lo, hi, bends, q.dtype.type(scale), matrix.front, matrix.bends, p, q)
+
+
+# -- linearising at a state --
+
+
+@unit
+def linearise_springs(g, team, substep, substeps, b):
+    """Find w and c of a grid's springs."""
+    s, matrix = g.state, g.matrix
+    stretched = s.x.dtype.type(damped(matrix.damping, b))
+    linearise_grid(team.lo, team.hi, s, g.springs, stretched, matrix.front, matrix.springs)
+
+
+@unit
+def set_own(g, team, substep, substeps, b):
+    """Set the own blocks of a thread's vertices: masses, the diagonal of the bends, contact."""
+    matrix, lo, hi = g.matrix, team.lo, team.hi
+    m, a, e = matrix.own, matrix.front + lo, matrix.front + hi
+    dtype = matrix.inverse.dtype.type
+    set_blocks(
+        dtype(1.0 / (b * b)), dtype(damped(matrix.bend_damping, b)), matrix.mass[a:e], matrix.bend_diagonal[a:e],
+        m[0, a:e], m[1, a:e], m[2, a:e], m[3, a:e], m[4, a:e], m[5, a:e],
+    )  # fmt: skip
+    _add_contact_blocks(lo, hi, matrix.front, g.contact, m)
+    for row in range(6):
+        copy(m[row, a:e], matrix.inverse[row, a:e])
+
+
+@routine
+def _add_contact_blocks(lo, hi, front, contact, own):
+    if contact is not None:
+        for row in range(6):
+            add(contact[row, lo:hi], own[row, front + lo : front + hi])
+
+
+@unit
+def add_grid_diagonal(g, team, substep, substeps, b):
+    """Add a grid's springs to the block diagonal."""
+    add_grid_blocks(team.lo, team.hi, g.springs, g.matrix.front, g.matrix.springs, g.matrix.inverse)
+
+
+@unit
+def invert_diagonal(g, team, substep, substeps, b):
+    """Replace the blocks of the diagonal by their inverses."""
+    n, a, e = g.inverse, g.front + team.lo, g.front + team.hi
+    invert_blocks(g.free[a:e], n[0, a:e], n[1, a:e], n[2, a:e], n[3, a:e], n[4, a:e], n[5, a:e])
 
 
 @kernel
@@ -128,7 +250,7 @@ def set_blocks(mass_scale, bend_scale, mass, bend_diagonal, xx, yy, zz, xy, xz, 
         xy[i] = xz[i] = yz[i] = 0
 
 
-@driver
+@routine
 def linearise_grid(lo, hi, s, springs, stretched, front, coefficients):
     """Fill w and c of the springs of a grid that start from vertices lo to hi."""
     dtype = s.x.dtype.type
@@ -144,7 +266,7 @@ def linearise_grid(lo, hi, s, springs, stretched, front, coefficients):
             )  # fmt: skip
 
 
-@driver
+@routine
 def add_grid_product(lo, hi, springs, front, coefficients, scratch, p, q):
     """Add the product of a grid's springs with p to q on the vertices lo to hi; `scratch` is this thread's own."""
     a, e = front + lo, front + hi
@@ -157,7 +279,7 @@ def add_grid_product(lo, hi, springs, front, coefficients, scratch, p, q):
         )  # fmt: skip
 
 
-@driver
+@routine
 def add_grid_bend_product(lo, hi, bends, scale, front, couplings, p, q):
     """Add the product of a grid's bend springs with p to q, without their diagonal, on the vertices lo to hi."""
     a, e = front + lo, front + hi
@@ -170,7 +292,7 @@ def add_grid_bend_product(lo, hi, bends, scale, front, couplings, p, q):
         )  # fmt: skip
 
 
-@driver
+@routine
 def add_grid_blocks(lo, hi, springs, front, coefficients, blocks):
     """Add a grid's springs to the blocks of the vertices lo to hi."""
     a, e = front + lo, front + hi
@@ -189,86 +311,3 @@ def damped(damping_time, b):
     if damping_time is None:
         return 1.0
     return 1.0 + damping_time / b
-
-
-@driver
-def multiply(lo, hi, model, matrix, b, scratch, p, q, team):
-    """Set q to A p on the vertices lo to hi; reads p everywhere."""
-    m, a, e = matrix.own, matrix.front + lo, matrix.front + hi
-    multiply_blocks(
-        m[0, a:e], m[1, a:e], m[2, a:e], m[3, a:e], m[4, a:e], m[5, a:e], p[0, a:e], p[1, a:e], p[2, a:e],
-        q[0, a:e], q[1, a:e], q[2, a:e],
-    )  # fmt: skip
-    _add_products(
-        lo, hi, model.grid, model.grid_bends, damped(model.bend_damping, b), matrix.front, matrix.springs,
-        matrix.bends, scratch, p, q,
-    )  # fmt: skip
-    _add_link_products(lo, hi, model.mesh, matrix.springs, matrix.ends, p, q, team)
-
-
-@driver
-def _add_products(lo, hi, grid, grid_bends, bend_scale, front, springs, bends, scratch, p, q):
-    if grid is not None:
-        add_grid_product(lo, hi, grid, front, springs, scratch, p, q)
-    if grid_bends is not None:
-        add_grid_bend_product(lo, hi, grid_bends, q.dtype.type(bend_scale), front, bends, p, q)
-
-
-@driver
-def _add_link_products(lo, hi, mesh, coefficients, ends, p, q, team):
-    if mesh is not None:
-        add_mesh_product(lo, hi, mesh, coefficients, ends, p, q, team)
-
-
-@driver
-def prepare(lo, hi, s, model, b, matrix, penalty, inverse, team):
-    """Linearise at the state `s`: springs, own blocks, and the inverse of A's block diagonal."""
-    stretched = s.x.dtype.type(damped(model.damping, b))
-    bend_scale = damped(model.bend_damping, b)
-    _linearise(lo, hi, s, model.grid, stretched, matrix.front, matrix.springs)
-    _linearise_links(lo, hi, s, model.mesh, model.mesh_bends, stretched, s.x.dtype.type(bend_scale), matrix.springs)
-    meet(team)
-    dtype = inverse.dtype.type
-    m, a, e = matrix.own, matrix.front + lo, matrix.front + hi
-    set_blocks(
-        dtype(1.0 / (b * b)), dtype(bend_scale), matrix.mass[a:e], matrix.bend_diagonal[a:e],
-        m[0, a:e], m[1, a:e], m[2, a:e], m[3, a:e], m[4, a:e], m[5, a:e],
-    )  # fmt: skip
-    _add_contact_blocks(lo, hi, matrix.front, penalty, m)
-    for row in range(6):
-        copy(m[row, a:e], inverse[row, a:e])
-    _add_blocks(lo, hi, model.grid, matrix.front, matrix.springs, inverse)
-    _add_link_blocks(lo, hi, model.mesh, matrix.springs, matrix.ends, inverse, team)
-    n = inverse
-    invert_blocks(matrix.free[a:e], n[0, a:e], n[1, a:e], n[2, a:e], n[3, a:e], n[4, a:e], n[5, a:e])
-
-
-@driver
-def _linearise(lo, hi, s, grid, stretched, front, springs):
-    if grid is not None:
-        linearise_grid(lo, hi, s, grid, stretched, front, springs)
-
-
-@driver
-def _add_contact_blocks(lo, hi, front, penalty, own):
-    if penalty is not None:
-        for row in range(6):
-            add(penalty.blocks[row, lo:hi], own[row, front + lo : front + hi])
-
-
-@driver
-def _add_blocks(lo, hi, grid, front, springs, blocks):
-    if grid is not None:
-        add_grid_blocks(lo, hi, grid, front, springs, blocks)
-
-
-@driver
-def _linearise_links(lo, hi, s, mesh, bends, stretched, bend_scale, coefficients):
-    if mesh is not None:
-        linearise_mesh(lo, hi, s, mesh, bends, stretched, bend_scale, coefficients)
-
-
-@driver
-def _add_link_blocks(lo, hi, mesh, coefficients, ends, blocks, team):
-    if mesh is not None:
-        add_mesh_blocks(lo, hi, mesh, coefficients, ends, blocks, team)

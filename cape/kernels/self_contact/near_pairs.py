@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.kernels.jit import driver, inlined
+from cape.kernels.jit import inlined, routine
 from cape.kernels.self_contact.closest import from_edge, from_triangle, speed_to_edge, speed_to_triangle
 from cape.kernels.self_contact.patches import (
     Foresight,
@@ -54,14 +54,15 @@ class Pairs(NamedTuple):
     following: NDArray[np.int32]
 
 
-@driver
-def search(patches, sight, faces, edges, s, inverse_mass, reach, nearest, ahead):
-    """List all pairs that may come within `reach` [m] in `ahead` seconds.
+@routine
+def search(layers, s, inverse_mass, ahead):
+    """List all pairs that may come within reach of each other in `ahead` seconds.
 
-    Left out are those that share a vertex, that nothing can move, or that are nearer than `nearest` [m] at rest.
+    Left out are those that share a vertex, that nothing can move, or that are nearer than the thickness at rest.
     """
+    patches, sight, faces, edges = layers.patches, layers.sight, layers.faces, layers.edges
     drift = sample_mean(s.vx), sample_mean(s.vy), sample_mean(s.vz)
-    foresight = Foresight(reach, nearest, ahead, drift)
+    foresight = Foresight(layers.thickness + layers.margin, layers.thickness, ahead, drift)
     look(s, foresight, sight.places)
     sweep_all(patches.triangles, patches.edges, sight, s, foresight)
     bound_patches(patches.triangle_start, sight.triangle_boxes, sight.normals, sight.boxes, sight.cones)
@@ -73,7 +74,7 @@ def search(patches, sight, faces, edges, s, inverse_mass, reach, nearest, ahead)
     remember(edges)
 
 
-@driver
+@routine
 def find_pairs(patches, sight, faces, edges, s, inverse_mass, foresight):
     """List the pairs of all patches that come near, until a list is full: then it is all done again with more room."""
     buckets, cells, boxes = sight.bucket_start.size - 1, sight.cells, sight.boxes
@@ -117,7 +118,7 @@ def find_pairs(patches, sight, faces, edges, s, inverse_mass, foresight):
                 list_edges(matched, count, patches.edges, patches.rest, edges, s, inverse_mass, foresight)
 
 
-@driver
+@routine
 def pick(start, p, names, boxes, common, picked):
     """Write what of patch p overlaps a common box; returns how many. `names` are None for what is sorted by patch."""
     count = 0
@@ -135,7 +136,7 @@ def pick(start, p, names, boxes, common, picked):
     return count
 
 
-@driver
+@routine
 def match(mine, count, my_boxes, theirs, others, their_boxes, once, matched):
     """Write the pairs whose boxes overlap, each `once` where both lists are the same; returns how many."""
     found = 0
@@ -157,7 +158,7 @@ def match(mine, count, my_boxes, theirs, others, their_boxes, once, matched):
     return found
 
 
-@driver
+@routine
 def list_faces(matched, count, triangles, rest, pairs, s, inverse_mass, foresight):
     """List those of matched vertices and triangles that come near."""
     for k in range(count):
@@ -174,7 +175,7 @@ def list_faces(matched, count, triangles, rest, pairs, s, inverse_mass, foresigh
             append(pairs, i, t, gx, gy, gz)
 
 
-@driver
+@routine
 def list_edges(matched, count, ends, rest, pairs, s, inverse_mass, foresight):
     """List those of matched edges that come near."""
     for k in range(count):
@@ -209,7 +210,7 @@ def append(pairs, first, second, gx, gy, gz):
     pairs.counts[0] = k + 1
 
 
-@driver
+@routine
 def put_aside(pairs):
     """Start a new list, keeping the old one where `remember` finds it."""
     for k in range(pairs.counts[0] - 1, -1, -1):
@@ -222,7 +223,7 @@ def put_aside(pairs):
     pairs.counts[0] = 0
 
 
-@driver
+@routine
 def remember(pairs):
     """Give the pairs that were on the old list, too, what was known of them; the others are due at once."""
     for k in range(pairs.counts[0]):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.kernels.jit import driver, inlined, kernel
+from cape.kernels.jit import inlined, kernel, routine
 
 FloatArray = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -77,7 +77,7 @@ class Foresight(NamedTuple):
     drift: tuple[float, float, float]
 
 
-@driver
+@routine
 def is_foreseen(s, places, ahead, limit):
     """Tell whether all vertices will, `ahead` seconds from now, be within a limit [m] of where they were foreseen."""
     strayed = count_strayed(
@@ -114,7 +114,7 @@ def count_strayed(x, y, z, vx, vy, vz, px, py, pz, wx, wy, wz, ahead, mx, my, mz
     return count
 
 
-@driver
+@routine
 def look(s, foresight, places):
     """Note where vertices are, relative to their mean, and how they go on."""
     ahead, drift = foresight.ahead, foresight.drift
@@ -125,7 +125,7 @@ def look(s, foresight, places):
         places[5, i] = ahead * (s.vz[i] - drift[2])
 
 
-@driver
+@routine
 def sweep_all(triangles, edges, sight, s, foresight):
     """Box what vertices, triangles and edges sweep, with half the reach around, and set the triangles' normals."""
     v, t, e, n = sight.vertex_boxes, sight.triangle_boxes, sight.edge_boxes, sight.normals
@@ -182,7 +182,7 @@ def set_normals(first, second, third, x, y, z, nx, ny, nz):
         nz[t] = ux * vy - uy * vx
 
 
-@driver
+@routine
 def bound_patches(start, triangle_boxes, normals, boxes, cones):
     """Set the boxes of patches and the cones of their normals."""
     for p in range(boxes.shape[0]):
@@ -207,7 +207,7 @@ def bound_patches(start, triangle_boxes, normals, boxes, cones):
         cones[p, 3] = math.acos(max(least, -1.0))
 
 
-@driver
+@routine
 def fill_hash(boxes, cells, start, members):
     """Sort the boxes by the bucket of the cell that their middle lies in.
 

@@ -27,13 +27,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cape.kernels.contact.watch import JOLT, alarm_all
-from cape.kernels.jit import driver, inlined, kernel
+from cape.kernels.jit import inlined, kernel, unit
 from cape.kernels.self_contact.closest import from_edge, from_triangle, speed_to_edge, speed_to_triangle
 from cape.kernels.self_contact.near_pairs import TOUCHING, Pairs, search
 from cape.kernels.self_contact.patches import FloatArray, Indices, Patches, Sight, is_foreseen
-from cape.kernels.team import is_first, meet
+from cape.kernels.state import State
 
 # s; beats, and looks for new pairs, are at most sqrt(LONGEST * step) apart, so that what they leave open vanishes with
 # the step while they cost less and less of it: 5 substeps of 0.2 ms, 1 of 5 ms.
@@ -84,19 +85,49 @@ class Layers(NamedTuple):
     spreads: FloatArray
 
 
-@driver
-def press(lo, hi, s, pressure, step):
-    """Let the forces between touching layers act on vertices lo to hi for a substep of `step` [s].
+class Pressed(NamedTuple):
+    """A cloth, and what acts between its layers."""
+
+    state: State
+    pressure: Pressure
+
+
+class PressedForces(NamedTuple):
+    """What acts between layers, `mass` [kg] (N,) and `forces` (3, N) [N] to add it to."""
+
+    pressure: Pressure
+    mass: NDArray[np.floating]
+    forces: NDArray[np.floating]
+
+
+class PressedAcceleration(NamedTuple):
+    """What acts between layers, and accelerations (3, N) [m/s2] to add a `share` of it to."""
+
+    pressure: Pressure
+    acceleration: NDArray[np.floating]
+    share: float
+
+
+class Layered(NamedTuple):
+    """A cloth whose layers are kept apart; `inverse_mass` [1/kg] (N,) is zero for attached vertices."""
+
+    state: State
+    layers: Layers
+    inverse_mass: NDArray[np.floating]
+
+
+@unit
+def press(g, team, substep, substeps, step):
+    """Let the forces between touching layers act for a substep.
 
     Call it between integration and the colliders, which take up what one layer presses onto them through another.
     """
-    if pressure is not None:
-        held = pressure.held
-        if pressure.clock[PRESSED] > 0.0:
-            accelerate(
-                s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
-                held[0, lo:hi], held[1, lo:hi], held[2, lo:hi], s.x.dtype.type(step),
-            )  # fmt: skip
+    s, held, lo, hi = g.state, g.pressure.held, team.lo, team.hi
+    if g.pressure.clock[PRESSED] > 0.0:
+        accelerate(
+            s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
+            held[0, lo:hi], held[1, lo:hi], held[2, lo:hi], s.x.dtype.type(step),
+        )  # fmt: skip
 
 
 @kernel
@@ -112,84 +143,79 @@ def accelerate(x, y, z, vx, vy, vz, ax, ay, az, step):
         z[i] += step * dz
 
 
-@driver
-def add_pressure(lo, hi, pressure, mass, forces):
-    """Add the forces between touching layers to those on vertices lo to hi [N], for steps that are solved for."""
-    if pressure is not None:
-        held = pressure.held
-        if pressure.clock[PRESSED] > 0.0:
-            for axis in range(3):
-                for i in range(lo, hi):
-                    forces[axis, i] += mass[i] * held[axis, i]
-
-
-@driver
-def add_held(lo, hi, share, pressure, acceleration):
-    """Add a share of what the forces between touching layers do to the accelerations of vertices lo to hi [m/s2]."""
-    if pressure is not None:
-        held = pressure.held
+@unit
+def add_pressure(g, team, substep, substeps, step):
+    """Add the forces between touching layers to those on vertices, for steps that are solved for."""
+    held = g.pressure.held
+    if g.pressure.clock[PRESSED] > 0.0:
         for axis in range(3):
-            for i in range(lo, hi):
-                acceleration[axis, i] += share * held[axis, i]
+            for i in range(team.lo, team.hi):
+                g.forces[axis, i] += g.mass[i] * held[axis, i]
 
 
-@driver
-def keep_apart(s, layers, inverse_mass, turn, remaining, step, team):
-    """Keep the layers of a cloth apart in the `turn`th substep of a frame, of `step` [s], with so many `remaining`.
+@unit
+def add_held(g, team, substep, substeps, step):
+    """Add a share of what the forces between touching layers do to accelerations."""
+    held = g.pressure.held
+    for axis in range(3):
+        for i in range(team.lo, team.hi):
+            g.acceleration[axis, i] += g.share * held[axis, i]
 
-    One thread does it, the others wait. `inverse_mass` [1/kg] (N,) is zero for attached vertices. Nothing is done once
-    a list of pairs was too short: the frame is to be done again, with longer ones.
+
+@unit
+def keep_apart(g, team, substep, substeps, step):
+    """Keep the layers of a cloth apart; one thread does it for all.
+
+    Nothing is done once a list of pairs was too short: the frame is to be done again, with longer ones.
     """
-    if layers is not None:
-        meet(team)
-        if is_first(team) and layers.faces.counts[1] + layers.edges.counts[1] == 0:
-            clock, faces, edges, patches = layers.pressure.clock, layers.faces, layers.edges, layers.patches
-            held = layers.pressure.held
-            every = max(1, round(math.sqrt(LONGEST / step)))
-            clock[NOW] += step
-            clock[SINCE] += step
-            # A frame ends with a beat, so that what its caller sees are no velocities that are about to be stopped.
-            beat = remaining == 0 or clock[NOW] + 0.5 * step >= clock[BEAT]
-            if beat:
-                held[:] = 0.0
-                clock[PRESSED] = faces.counts[0] + edges.counts[0]
-            if beat or clock[NOW] + step > clock[DUE]:
-                interval = clock[SINCE] if beat else step
-                # Also what is due soon, so that going through the lists pays.
-                until = clock[NOW] + max(every * step, CALM)
-                due, hardest = part_vertices(
-                    faces.counts[0], faces.first, faces.second, faces.apart, faces.due, faces.force, patches.triangles,
-                    layers.thickness, layers.friction, step, interval, clock[NOW], until, beat, inverse_mass, s, held,
-                )  # fmt: skip
-                due_edges, hardest_edges = part_edges(
-                    edges.counts[0], edges.first, edges.second, edges.apart, edges.due, edges.force, patches.edges,
-                    layers.thickness, layers.friction, step, interval, clock[NOW], until, beat, inverse_mass, s, held,
-                )  # fmt: skip
-                clock[DUE] = min(due, due_edges)
-                hardest = max(hardest, hardest_edges)
-                wait = max(every * step, CALM)
-                if hardest > 0.0:
-                    wait = min(max(math.sqrt(2.0 * SLACK * layers.thickness / hardest), step), wait)
-                clock[BEAT] = clock[NOW] + wait if beat else min(clock[BEAT], clock[NOW] + wait)
-                if hardest * interval > JOLT:
-                    alarm_all(layers, turn)
-            if beat:
-                clock[SINCE] = 0.0
-            looks = remaining % every == 0 or clock[SEARCHES] == 0.0
-            if looks and not is_foreseen(s, layers.sight.places, every * step, 0.5 * layers.margin):
-                search(
-                    patches, layers.sight, faces, edges, s, inverse_mass, layers.thickness + layers.margin,
-                    layers.thickness, max(HORIZON, every * step),
-                )  # fmt: skip
-                clock[DUE] = 0.0
-                clock[SEARCHES] += 1
-        meet(team)
+    s, layers, inverse_mass = g.state, g.layers, g.inverse_mass
+    remaining = substeps - 1 - substep
+    if layers.faces.counts[1] + layers.edges.counts[1] == 0:
+        clock, faces, edges, patches = layers.pressure.clock, layers.faces, layers.edges, layers.patches
+        held = layers.pressure.held
+        every = max(1, round(math.sqrt(LONGEST / step)))
+        clock[NOW] += step
+        clock[SINCE] += step
+        # A frame ends with a beat, so that what its caller sees are no velocities that are about to be stopped.
+        beat = remaining == 0 or clock[NOW] + 0.5 * step >= clock[BEAT]
+        if beat:
+            held[:] = 0.0
+            clock[PRESSED] = faces.counts[0] + edges.counts[0]
+        if beat or clock[NOW] + step > clock[DUE]:
+            interval = clock[SINCE] if beat else step
+            # Also what is due soon, so that going through the lists pays.
+            until = clock[NOW] + max(every * step, CALM)
+            due, hardest = part_vertices(
+                faces.counts[0], faces.first, faces.second, faces.apart, faces.due, faces.force, patches.triangles,
+                layers.thickness, layers.friction, step, interval, clock[NOW], until, beat, inverse_mass,
+                s.x, s.y, s.z, s.vx, s.vy, s.vz, held,
+            )  # fmt: skip
+            due_edges, hardest_edges = part_edges(
+                edges.counts[0], edges.first, edges.second, edges.apart, edges.due, edges.force, patches.edges,
+                layers.thickness, layers.friction, step, interval, clock[NOW], until, beat, inverse_mass,
+                s.x, s.y, s.z, s.vx, s.vy, s.vz, held,
+            )  # fmt: skip
+            clock[DUE] = min(due, due_edges)
+            hardest = max(hardest, hardest_edges)
+            wait = max(every * step, CALM)
+            if hardest > 0.0:
+                wait = min(max(math.sqrt(2.0 * SLACK * layers.thickness / hardest), step), wait)
+            clock[BEAT] = clock[NOW] + wait if beat else min(clock[BEAT], clock[NOW] + wait)
+            if hardest * interval > JOLT:
+                alarm_all(layers, substep)
+        if beat:
+            clock[SINCE] = 0.0
+        looks = remaining % every == 0 or clock[SEARCHES] == 0.0
+        if looks and not is_foreseen(s, layers.sight.places, every * step, 0.5 * layers.margin):
+            search(layers, s, inverse_mass, max(HORIZON, every * step))
+            clock[DUE] = 0.0
+            clock[SEARCHES] += 1
 
 
 @kernel
 def part_vertices(
     count, first, second, apart, due, force, triangles, thickness, friction, step, interval, now, until, beat,
-    inverse_mass, s, held,
+    inverse_mass, x, y, z, vx, vy, vz, held,
 ):  # fmt: skip
     """Keep vertices off triangles.
 
@@ -202,18 +228,18 @@ def part_vertices(
             continue
         i, t = first[k], second[k]
         a, b, c = triangles[0, t], triangles[1, t], triangles[2, t]
-        gx, gy, gz, wa, wb, wc, over = from_triangle(i, a, b, c, s.x, s.y, s.z)
+        gx, gy, gz, wa, wb, wc, over = from_triangle(i, a, b, c, x, y, z)
         depth, nx, ny, nz = depth_of(k, apart, gx, gy, gz, thickness, over)
         if depth > -slack:
             pressing = push(
                 k, i, a, b, c, 1.0, -wa, -wb, -wc, depth, slack, nx, ny, nz, force, friction, step, interval, beat,
-                inverse_mass, s.x, s.y, s.z, s.vx, s.vy, s.vz, held,
+                inverse_mass, x, y, z, vx, vy, vz, held,
             )  # fmt: skip
             hardest = pressing if pressing > hardest else hardest
             due[k] = TOUCHING
         else:
             let_go(k, force)
-            due[k] = now + time_until(-depth, speed_to_triangle(i, a, b, c, s.vx, s.vy, s.vz))
+            due[k] = now + time_until(-depth, speed_to_triangle(i, a, b, c, vx, vy, vz))
             earliest = due[k] if due[k] < earliest else earliest
     return earliest, hardest
 
@@ -221,7 +247,7 @@ def part_vertices(
 @kernel
 def part_edges(
     count, first, second, apart, due, force, edges, thickness, friction, step, interval, now, until, beat,
-    inverse_mass, s, held,
+    inverse_mass, x, y, z, vx, vy, vz, held,
 ):  # fmt: skip
     """Keep edges apart that cross each other when looked at along the line between their closest points.
 
@@ -234,19 +260,19 @@ def part_edges(
             continue
         e, f = first[k], second[k]
         a, b, c, d = edges[0, e], edges[1, e], edges[0, f], edges[1, f]
-        gx, gy, gz, p, q, crossing = from_edge(a, b, c, d, s.x, s.y, s.z)
+        gx, gy, gz, p, q, crossing = from_edge(a, b, c, d, x, y, z)
         depth, nx, ny, nz = depth_of(k, apart, gx, gy, gz, thickness, crossing)
         if depth > -slack and crossing:
             pressing = push(
                 k, a, b, c, d, 1.0 - p, p, q - 1.0, -q, depth, slack, nx, ny, nz, force, friction, step, interval, beat,
-                inverse_mass, s.x, s.y, s.z, s.vx, s.vy, s.vz, held,
+                inverse_mass, x, y, z, vx, vy, vz, held,
             )  # fmt: skip
             hardest = pressing if pressing > hardest else hardest
             due[k] = TOUCHING
         else:
             # Edges that are close but don't cross may do so when they have slid a little.
             let_go(k, force)
-            due[k] = now + time_until(max(-depth, SLIDE * thickness), speed_to_edge(a, b, c, d, s.vx, s.vy, s.vz))
+            due[k] = now + time_until(max(-depth, SLIDE * thickness), speed_to_edge(a, b, c, d, vx, vy, vz))
             earliest = due[k] if due[k] < earliest else earliest
     return earliest, hardest
 

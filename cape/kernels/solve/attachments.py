@@ -1,70 +1,125 @@
 """Vertices that bones hold: where, and how each kind of solver puts them there."""
 
 import math
+from typing import NamedTuple
 
-from numba import literal_unroll
+import numpy as np
+from numpy.typing import NDArray
 
-from cape.kernels.bones import set_pose, to_world, turned, turned_back, velocity_at
+from cape.kernels.bones import Motion, MotionRoom, set_pose, to_world, turned, turned_back, velocity_at
 from cape.kernels.contact.contact import EXIT
-from cape.kernels.contact.shapes import distance_to, forget_places, place
-from cape.kernels.jit import driver, inlined
+from cape.kernels.contact.shapes import Colliders, distance_to, forget_places, place
+from cape.kernels.jit import inlined, routine, unit
+from cape.kernels.state import State
+
+Array = NDArray[np.floating]
+Indices = NDArray[np.int64]
 
 PASSES = 4  # around the colliders that a held vertex is between
 
 
+class Attached(NamedTuple):
+    """Vertices (n,) held at points [m] (n, 3) of their bones (n,).
+
+    `lift` [m] is how far they are held off there at a frame's start, out of colliders or where a jump of the bones has
+    left them, and `drift` [m/s] how that changes in it, both (n, 3) and in the bones' frames.
+    """
+
+    vertices: Indices
+    bones: Indices
+    points: Array
+    lift: Array
+    drift: Array
+
+
+class Held(NamedTuple):
+    """A cloth, and which of its vertices bones hold."""
+
+    state: State
+    attached: Attached
+    bones: MotionRoom
+
+
+class Lifted(NamedTuple):
+    """Which vertices bones hold, and what those are kept out of; `colliders` is None where there are none."""
+
+    attached: Attached
+    colliders: Colliders | None
+    motion: Motion
+    bones: MotionRoom
+    duration: Array
+
+
+@unit
+def hold_attached(g, team, substep, substeps, step):
+    """Put attached vertices where they are held; their velocity is what brings them there."""
+    hold(team.lo, team.hi, g.state, g.attached, g.bones, (substep + 1) * step, step)
+
+
+@unit
+def aim_attached(g, team, substep, substeps, step):
+    """Give attached vertices the velocity that brings them to where they are held in one step."""
+    aim(team.lo, team.hi, g.state, g.attached, g.bones, (substep + 1) * step, step)
+
+
+@unit
+def lift_attached(g, team, substep, substeps, step):
+    """Let attached vertices drift to where they are out of all colliders at the frame's end."""
+    lift_held(team.lo, team.hi, g.attached, g.colliders, g.motion, g.bones, g.duration[0])
+
+
 @inlined
-def goal(points, lift, drift, bones, k, m, time):
+def goal(attached, k, m, time):
     """Where attachment k holds its vertex in the world [m], `time` [s] after the frame's start."""
+    points, lift, drift = attached.points, attached.lift, attached.drift
     x, y, z = points[k, 0], points[k, 1], points[k, 2]
     x += lift[k, 0] + time * drift[k, 0]
     y += lift[k, 1] + time * drift[k, 1]
     z += lift[k, 2] + time * drift[k, 2]
-    return to_world(bones[k], x, y, z, m.positions, m.matrices)
+    return to_world(attached.bones[k], x, y, z, m.positions, m.matrices)
 
 
-@driver
+@routine
 def hold(lo, hi, s, attached, m, time, step):
     """Put the attached ones of vertices lo to hi where they are held; their velocity is what brings them there."""
-    if attached is not None:
-        inverse_step = 1.0 / step
-        for k in range(attached.vertices.size):
-            i = attached.vertices[k]
-            if i < lo or i >= hi:
-                continue
-            x, y, z = goal(attached.points, attached.lift, attached.drift, attached.bones, k, m, time)
-            # The step has moved the vertex with the last one's velocity; undo it to know where the vertex was.
-            s.vx[i] = (x - (s.x[i] - step * s.vx[i])) * inverse_step
-            s.vy[i] = (y - (s.y[i] - step * s.vy[i])) * inverse_step
-            s.vz[i] = (z - (s.z[i] - step * s.vz[i])) * inverse_step
-            s.x[i], s.y[i], s.z[i] = x, y, z
+    inverse_step = 1.0 / step
+    for k in range(attached.vertices.size):
+        i = attached.vertices[k]
+        if i < lo or i >= hi:
+            continue
+        x, y, z = goal(attached, k, m, time)
+        # The step has moved the vertex with the last one's velocity; undo it to know where the vertex was.
+        s.vx[i] = (x - (s.x[i] - step * s.vx[i])) * inverse_step
+        s.vy[i] = (y - (s.y[i] - step * s.vy[i])) * inverse_step
+        s.vz[i] = (z - (s.z[i] - step * s.vz[i])) * inverse_step
+        s.x[i], s.y[i], s.z[i] = x, y, z
 
 
-@driver
+@routine
 def aim(lo, hi, s, attached, m, time, step):
     """Give the attached ones of vertices lo to hi the velocity that brings them to where they are held in one step."""
-    if attached is not None:
-        for k in range(attached.vertices.size):
-            i = attached.vertices[k]
-            if i < lo or i >= hi:
-                continue
-            x, y, z = goal(attached.points, attached.lift, attached.drift, attached.bones, k, m, time)
-            s.vx[i] = (x - s.x[i]) / step
-            s.vy[i] = (y - s.y[i]) / step
-            s.vz[i] = (z - s.z[i]) / step
+    for k in range(attached.vertices.size):
+        i = attached.vertices[k]
+        if i < lo or i >= hi:
+            continue
+        x, y, z = goal(attached, k, m, time)
+        s.vx[i] = (x - s.x[i]) / step
+        s.vy[i] = (y - s.y[i]) / step
+        s.vz[i] = (z - s.z[i]) / step
 
 
-@driver
+@routine
 def hold_rigidly(lo, hi, s, attached, m, time, b, target):
     """Put the attached ones of vertices lo to hi where they are held, with the velocity of that place.
 
-    Rows 0 to 2 of `target` are set to xt, so that v = (x - xt) / b.
+    Rows 0 to 2 of `target` are set to xt, so that v = (x - xt) / b. Nothing for None.
     """
     if attached is not None:
         for k in range(attached.vertices.size):
             i, bone = attached.vertices[k], attached.bones[k]
             if i < lo or i >= hi:
                 continue
-            x, y, z = goal(attached.points, attached.lift, attached.drift, attached.bones, k, m, time)
+            x, y, z = goal(attached, k, m, time)
             vx, vy, vz = velocity_at(bone, x, y, z, m)
             drift = attached.drift[k]
             ux, uy, uz = turned(bone, drift[0], drift[1], drift[2], m.matrices)
@@ -74,23 +129,21 @@ def hold_rigidly(lo, hi, s, attached, m, time, b, target):
             target[0, i], target[1, i], target[2, i] = x - b * vx, y - b * vy, z - b * vz
 
 
-@driver
-def lift_held(lo, hi, attached, groups, motion, m, duration):
+@routine
+def lift_held(lo, hi, attached, colliders, motion, m, duration):
     """Let the attached ones of vertices lo to hi drift to where they are out of all colliders at the frame's end.
 
     No faster than `contact.EXIT`. Leaves the bones `m` at the frame's end.
     """
     set_pose(motion.position1, motion.rotation1, m)
-    forget_places(groups)
+    forget_places(colliders)
     for k in range(attached.vertices.size):
         i, bone = attached.vertices[k], attached.bones[k]
         if i < lo or i >= hi:
             continue
         point, lift, drift = attached.points[k], attached.lift[k], attached.drift[k]
         x0, y0, z0 = to_world(bone, point[0], point[1], point[2], m.positions, m.matrices)
-        x, y, z = x0, y0, z0
-        if groups is not None:
-            x, y, z = clear(x, y, z, groups, m)
+        x, y, z = clear(x0, y0, z0, colliders, m)
         x, y, z = turned_back(bone, x - x0, y - y0, z - z0, m.matrices)
         x, y, z = (x - lift[0]) / duration, (y - lift[1]) / duration, (z - lift[2]) / duration
         speed = math.sqrt(x * x + y * y + z * z)
@@ -98,20 +151,20 @@ def lift_held(lo, hi, attached, groups, motion, m, duration):
         drift[0], drift[1], drift[2] = share * x, share * y, share * z
 
 
-@driver
-def clear(x, y, z, groups, m):
-    """The point led out of the thickness of all active colliders [m]."""
-    for _ in range(PASSES):
-        found = False
-        for shapes in literal_unroll(groups):
-            for k in range(1, shapes.active[0] + 1):
-                c = shapes.active[k]
-                place(shapes, c, m.positions, m.matrices)
-                distance, nx, ny, nz = distance_to(shapes, c, x, y, z)
-                depth = shapes.colliders[c].thickness - distance
+@routine
+def clear(x, y, z, colliders, m):
+    """The point led out of the thickness of all active colliders [m]; as it is for None."""
+    if colliders is not None:
+        for _ in range(PASSES):
+            found = False
+            for k in range(1, colliders.active[0] + 1):
+                c = colliders.active[k]
+                place(colliders, c, m)
+                distance, nx, ny, nz = distance_to(colliders, c, x, y, z)
+                depth = colliders.records[c].thickness - distance
                 if depth > 0.0:
                     found = True
                     x, y, z = x + depth * nx, y + depth * ny, z + depth * nz
-        if not found:
-            break
+            if not found:
+                break
     return x, y, z

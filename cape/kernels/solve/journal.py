@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.kernels.jit import driver
-from cape.kernels.self_contact.self_contact import PRESSED
+from cape.kernels.jit import routine, unit
+from cape.kernels.self_contact.self_contact import PRESSED, Pressure
+from cape.kernels.state import State
 
 
 class Journal(NamedTuple):
@@ -19,37 +20,57 @@ class Journal(NamedTuple):
     pressed: NDArray[np.bool_]
 
 
-@driver
-def note_integrated(lo, hi, s, journal, substep):
-    """Note vertices lo to hi as a substep has moved them, on which no contact forces act yet; nothing for None."""
-    if journal is not None:
-        copy_state(lo, hi, s, journal.integrated[substep])
-        journal.pressed[substep, lo:hi] = False
+class Noting(NamedTuple):
+    """A cloth, and the journal of what its steps do."""
+
+    state: State
+    journal: Journal
 
 
-@driver
-def note_pressed(lo, hi, penalty, pressure, journal, substep):
-    """Note which of the vertices lo to hi contact forces acted on within an implicit step; nothing for None."""
-    if journal is not None:
-        pressed = journal.pressed[substep]
-        if penalty is not None:
-            f = penalty.force
-            for i in range(lo, hi):
-                pressed[i] = pressed[i] or f[0, i] != 0.0 or f[1, i] != 0.0 or f[2, i] != 0.0
-        if pressure is not None and pressure.clock[PRESSED] > 0.0:
-            a = pressure.held
-            for i in range(lo, hi):
-                pressed[i] = pressed[i] or a[0, i] != 0.0 or a[1, i] != 0.0 or a[2, i] != 0.0
+class NotingForces(NamedTuple):
+    """A journal, and the forces of contact within a step: of colliders (3, N) [N], between layers; None for none."""
+
+    journal: Journal
+    force: NDArray[np.floating] | None
+    pressure: Pressure | None
 
 
-@driver
-def note_end(lo, hi, s, journal, substep):
-    """Note vertices lo to hi at the end of a substep; nothing for None."""
-    if journal is not None:
-        copy_state(lo, hi, s, journal.ended[substep])
+@unit
+def note_integrated(g, team, substep, substeps, step):
+    """Note vertices as a substep has moved them, on which no contact forces act yet."""
+    copy_state(team.lo, team.hi, g.state, g.journal.integrated[substep])
+    g.journal.pressed[substep, team.lo : team.hi] = False
 
 
-@driver
+@unit
+def note_pressed(g, team, substep, substeps, step):
+    """Note which vertices contact forces acted on within a step."""
+    _note_colliders(team.lo, team.hi, g.force, g.journal.pressed[substep])
+    _note_layers(team.lo, team.hi, g.pressure, g.journal.pressed[substep])
+
+
+@routine
+def _note_colliders(lo, hi, f, pressed):
+    if f is not None:
+        for i in range(lo, hi):
+            pressed[i] = pressed[i] or f[0, i] != 0.0 or f[1, i] != 0.0 or f[2, i] != 0.0
+
+
+@routine
+def _note_layers(lo, hi, pressure, pressed):
+    if pressure is not None and pressure.clock[PRESSED] > 0.0:
+        a = pressure.held
+        for i in range(lo, hi):
+            pressed[i] = pressed[i] or a[0, i] != 0.0 or a[1, i] != 0.0 or a[2, i] != 0.0
+
+
+@unit
+def note_end(g, team, substep, substeps, step):
+    """Note vertices at the end of a substep."""
+    copy_state(team.lo, team.hi, g.state, g.journal.ended[substep])
+
+
+@routine
 def copy_state(lo, hi, s, out):
     """Copy the state of vertices lo to hi to `out` (6, N)."""
     for i in range(lo, hi):

@@ -14,12 +14,29 @@ and without any impulse yet, as in the one sweep per step of Macklin et al. 2019
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cape.kernels.jit import driver, inlined, kernel
+from cape.kernels.jit import inlined, kernel, routine
+
+Array = NDArray[np.floating]
 
 TINY = 1e-18  # m2, keeps a spring of zero length from dividing by zero
+
+
+class Constraints(NamedTuple):
+    """E XPBD constraints, in any arrangement: stiffness [N/m], rest length [m] (None for bend springs), the sum of
+    w |grad C|^2 [1/kg], room for the gains [N s/m] of a step; and where a step has several sweeps, for what share of an
+    impulse a sweep gives up and for the impulses [N s], of bend springs along all three axes."""
+
+    stiffness: Array
+    rest: Array | None
+    mobility: Array
+    gain: Array
+    slack: Array | None
+    impulse: Array | None
 
 
 @kernel
@@ -33,7 +50,15 @@ def set_gains(step, time, stiffness, mobility, gain, slack):
             slack[k] = share
 
 
-@driver
+@inlined
+def bend_time(step, damping):
+    """h + tau."""
+    if damping is None:
+        return step
+    return step + damping
+
+
+@routine
 def forget(impulse, lo, hi):
     """Set impulses to zero, along the last axis; nothing for None."""
     if impulse is not None:

@@ -9,10 +9,106 @@ Threads share the places k. Three phases, between which they meet, keep each ver
 within the rows of a place; from hand 2 to hand 0 of the next place; from hand 2 to hands 0 and 1 of the next.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
 from cape.kernels.absent import part, row, typed
-from cape.kernels.jit import driver, kernel
+from cape.kernels.jit import kernel, routine, unit
+from cape.kernels.state import State
 from cape.kernels.team import meet, share
-from cape.kernels.xpbd.formulas import TINY, draw_to_middle, forget, pull_together, set_gains, unsigned
+from cape.kernels.xpbd.formulas import (
+    TINY,
+    Constraints,
+    bend_time,
+    draw_to_middle,
+    forget,
+    pull_together,
+    set_gains,
+    unsigned,
+)
+
+Array = NDArray[np.floating]
+
+
+class GridConstraints(NamedTuple):
+    """Constraints of a grid cloth by family, each at its first vertex: arrays (3, n) by hand, see `xpbd.grid`; room for
+    positions and velocities there (3, 3, n)."""
+
+    columns: int
+    inverse_mass: Array
+    positions: Array
+    velocities: Array
+    across: Constraints
+    down: Constraints
+    diagonal: Constraints | None
+    anti: Constraints | None
+    bend_across: Constraints | None
+    bend_down: Constraints | None
+
+
+class GridSweeps(NamedTuple):
+    """A grid of cloth and its constraints, gone through so many times in a step; damping times [s], None for none."""
+
+    state: State
+    constraints: GridConstraints
+    damping: float | None
+    bend_damping: float | None
+    iterations: int
+
+
+@unit
+def prepare_grid(g, team, substep, substeps, step):
+    """Set all gains of this thread for a step."""
+    c, s = g.constraints, g.state
+    h, tau, bend_tau = typed(step, s.x), typed(g.damping, s.x), typed(g.bend_damping, s.x)
+    first, last = grid_places(c.columns, s.x.size, team)
+    lo, hi = first * c.columns, last * c.columns
+    prepare_family(c.across, lo, hi, h, tau)
+    prepare_family(c.down, lo, hi, h, tau)
+    prepare_family(c.diagonal, lo, hi, h, tau)
+    prepare_family(c.anti, lo, hi, h, tau)
+    prepare_family(c.bend_across, lo, hi, h, bend_tau)
+    prepare_family(c.bend_down, lo, hi, h, bend_tau)
+
+
+@unit
+def solve_grid(g, team, substep, substeps, step):
+    """Change the velocities to those of the step's end, in so many sweeps."""
+    s, c = g.state, g.constraints
+    h, tau, columns = typed(step, s.x), typed(g.damping, s.x), c.columns
+    time = bend_time(h, typed(g.bend_damping, s.x))
+    first, last = grid_places(columns, s.x.size, team)
+    lo, hi = first * columns, last * columns
+    # The last place has no next.
+    end = min(hi, c.inverse_mass.shape[1] - columns)
+    deal(first, last, columns, s.x, s.y, s.z, s.vx, s.vy, s.vz, c.positions, c.velocities)
+    forget_family(c.across, lo, hi)
+    forget_family(c.down, lo, hi)
+    forget_family(c.diagonal, lo, hi)
+    forget_family(c.anti, lo, hi)
+    forget_family(c.bend_across, lo, hi)
+    forget_family(c.bend_down, lo, hi)
+    for _ in range(g.iterations):
+        if hi > lo:
+            link_along(c, c.bend_across, lo, hi, h, tau, time)
+            for hand in range(2):
+                link_rows(c, c.down, 0, hand, lo, hi, 0, h, tau)
+                link_rows(c, c.diagonal, 1, hand, lo, hi, 0, h, tau)
+                link_rows(c, c.anti, -1, hand, lo, hi, 0, h, tau)
+            bend_rows(c, c.bend_down, 0, lo, hi, 0, 0, time)
+        meet(team)
+        if end > lo:
+            link_rows(c, c.down, 0, 2, lo, end, columns, h, tau)
+            link_rows(c, c.diagonal, 1, 2, lo, end, columns, h, tau)
+            link_rows(c, c.anti, -1, 2, lo, end, columns, h, tau)
+            bend_rows(c, c.bend_down, 1, lo, end, 0, columns, time)
+        meet(team)
+        if end > lo:
+            bend_rows(c, c.bend_down, 2, lo, end, columns, columns, time)
+        meet(team)
+    hand_back(first, last, columns, c.velocities, s.vx, s.vy, s.vz)
 
 
 @kernel
@@ -95,13 +191,13 @@ def bend_between(time, gain, slack, impulse, w0, w1, w2, p0, p1, p2, v0, v1, v2)
         draw_to_middle(i, i, i, i, time, gain, slack, impulse, w0, w1, w2, p0, p1, p2, v0, v1, v2)
 
 
-@driver
+@routine
 def grid_places(columns, vertices, team):
     """First place of this thread and the one after its last, of one place for each three rows."""
     return share(0, (vertices // columns + 2) // 3, team)
 
 
-@driver
+@routine
 def prepare_family(family, lo, hi, step, damping):
     """Set the gains of one family of constraints on vertices lo to hi of each hand."""
     if family is not None:
@@ -113,17 +209,18 @@ def prepare_family(family, lo, hi, step, damping):
             )  # fmt: skip
 
 
-@driver
+@routine
 def forget_family(family, lo, hi):
     """Set the impulses of one family on vertices lo to hi of each hand to zero; where they are kept at all."""
     if family is not None:
         forget(family.impulse, lo, hi)
 
 
-@driver
-def link_rows(family, shift, hand, lo, hi, other, ahead, c, step, damping):
-    """Springs of one family from vertices lo to hi of a hand to those of another `ahead` + `shift` further on."""
+@routine
+def link_rows(c, family, shift, hand, lo, hi, ahead, step, damping):
+    """Springs of one family from vertices lo to hi of a hand to those of the next one `ahead` + `shift` further on."""
     if family is not None:
+        other = (hand + 1) % 3
         # A row starts later, or ends earlier, where the link leans; what would wrap around has stiffness 0 elsewhere.
         lo, hi = lo - min(shift, 0), hi - max(shift, 0)
         to, end = lo + ahead + shift, hi + ahead + shift
@@ -139,10 +236,10 @@ def link_rows(family, shift, hand, lo, hi, other, ahead, c, step, damping):
         )  # fmt: skip
 
 
-@driver
-def link_along(family, bends, lo, hi, c, step, damping, bend_time):
+@routine
+def link_along(c, bends, lo, hi, step, damping, time):
     """Springs and bend springs along the rows of all hands."""
-    q, u, w = c.positions, c.velocities, c.inverse_mass
+    q, u, w, family = c.positions, c.velocities, c.inverse_mass, c.across
     for hand in range(3):
         stretch_along(
             lo, step, damping, typed(TINY, u), family.gain[hand, lo:hi], family.rest[hand, lo:hi],
@@ -153,16 +250,17 @@ def link_along(family, bends, lo, hi, c, step, damping, bend_time):
         if bends is not None:
             for axis in range(3):
                 bend_along(
-                    lo, bend_time, bends.gain[hand, lo:hi], part(row(bends.slack, hand), lo, hi),
+                    lo, time, bends.gain[hand, lo:hi], part(row(bends.slack, hand), lo, hi),
                     part(row(row(bends.impulse, axis), hand), lo, hi), w[hand, lo:hi],
                     q[hand, axis, lo:hi], u[hand, axis, lo:hi],
                 )  # fmt: skip
 
 
-@driver
-def bend_rows(bends, hand, lo, hi, middle, ahead, last, further, c, time):
+@routine
+def bend_rows(c, bends, hand, lo, hi, ahead, further, time):
     """Bend springs from vertices lo to hi of one hand over those `ahead` in the next to those `further` in the last."""
     if bends is not None:
+        middle, last = (hand + 1) % 3, (hand + 2) % 3
         q, u, w = c.positions, c.velocities, c.inverse_mass
         near, far = lo + ahead, lo + further
         count = hi - lo
@@ -174,57 +272,3 @@ def bend_rows(bends, hand, lo, hi, middle, ahead, last, further, c, time):
                 q[hand, axis, lo:hi], q[middle, axis, near : near + count], q[last, axis, far : far + count],
                 u[hand, axis, lo:hi], u[middle, axis, near : near + count], u[last, axis, far : far + count],
             )  # fmt: skip
-
-
-@driver
-def prepare_grid(c, vertices, step, damping, bend_damping, team):
-    """Set all gains of this thread for a step; nothing at all where `c` is None."""
-    if c is None:
-        return
-    first, last = grid_places(c.columns, vertices, team)
-    lo, hi = first * c.columns, last * c.columns
-    prepare_family(c.across, lo, hi, step, damping)
-    prepare_family(c.down, lo, hi, step, damping)
-    prepare_family(c.diagonal, lo, hi, step, damping)
-    prepare_family(c.anti, lo, hi, step, damping)
-    prepare_family(c.bend_across, lo, hi, step, bend_damping)
-    prepare_family(c.bend_down, lo, hi, step, bend_damping)
-
-
-@driver
-def solve_grid(s, c, iterations, step, damping, bend_damping, team):
-    """Change the velocities to those of the step's end, in so many sweeps; nothing at all where `c` is None."""
-    if c is None:
-        return
-    columns = c.columns
-    first, last = grid_places(columns, s.x.size, team)
-    lo, hi = first * columns, last * columns
-    # The last place has no next.
-    end = min(hi, c.inverse_mass.shape[1] - columns)
-    bend_time = step if bend_damping is None else step + bend_damping
-    deal(first, last, columns, s.x, s.y, s.z, s.vx, s.vy, s.vz, c.positions, c.velocities)
-    forget_family(c.across, lo, hi)
-    forget_family(c.down, lo, hi)
-    forget_family(c.diagonal, lo, hi)
-    forget_family(c.anti, lo, hi)
-    forget_family(c.bend_across, lo, hi)
-    forget_family(c.bend_down, lo, hi)
-    for _ in range(iterations):
-        if hi > lo:
-            link_along(c.across, c.bend_across, lo, hi, c, step, damping, bend_time)
-            for hand in range(2):
-                link_rows(c.down, 0, hand, lo, hi, hand + 1, 0, c, step, damping)
-                link_rows(c.diagonal, 1, hand, lo, hi, hand + 1, 0, c, step, damping)
-                link_rows(c.anti, -1, hand, lo, hi, hand + 1, 0, c, step, damping)
-            bend_rows(c.bend_down, 0, lo, hi, 1, 0, 2, 0, c, bend_time)
-        meet(team)
-        if end > lo:
-            link_rows(c.down, 0, 2, lo, end, 0, columns, c, step, damping)
-            link_rows(c.diagonal, 1, 2, lo, end, 0, columns, c, step, damping)
-            link_rows(c.anti, -1, 2, lo, end, 0, columns, c, step, damping)
-            bend_rows(c.bend_down, 1, lo, end, 2, 0, 0, columns, c, bend_time)
-        meet(team)
-        if end > lo:
-            bend_rows(c.bend_down, 2, lo, end, 0, columns, 1, columns, c, bend_time)
-        meet(team)
-    hand_back(first, last, columns, c.velocities, s.vx, s.vy, s.vz)

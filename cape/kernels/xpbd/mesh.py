@@ -4,10 +4,66 @@ Threads share each colour and meet after it. Within a colour the loop stays scal
 contiguous scratch, so that square roots and divisions vectorise, gains nothing that fetching them twice does not cost.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
 from cape.kernels.absent import part, row, typed
-from cape.kernels.jit import driver, inlined, kernel
+from cape.kernels.jit import inlined, kernel, routine, unit
+from cape.kernels.state import State
 from cape.kernels.team import meet, share
-from cape.kernels.xpbd.formulas import TINY, change_of, forget, pull_together, set_gains
+from cape.kernels.xpbd.formulas import TINY, Constraints, bend_time, change_of, forget, pull_together, set_gains
+
+Array = NDArray[np.floating]
+
+
+class MeshConstraints(NamedTuple):
+    """Constraints of a mesh sorted by colour: springs between two vertices each (E,), bend springs on four (K, 4);
+    each colour goes from its place in `starts` to the next."""
+
+    first: NDArray[np.uint32]
+    second: NDArray[np.uint32]
+    starts: NDArray[np.int64]
+    stretch: Constraints
+    vertices: NDArray[np.uint32]
+    coefficients: Array
+    bend_starts: NDArray[np.int64]
+    bend: Constraints | None
+
+
+class MeshSweeps(NamedTuple):
+    """A mesh of cloth and its constraints, gone through so many times in a step; damping times [s], None for none."""
+
+    state: State
+    constraints: MeshConstraints
+    inverse_mass: Array
+    damping: float | None
+    bend_damping: float | None
+    iterations: int
+
+
+@unit
+def prepare_mesh(g, team, substep, substeps, step):
+    """Set all gains for a step."""
+    s, c = g.state, g.constraints
+    prepare_list(c.stretch, typed(step, s.x), typed(g.damping, s.x), team)
+    prepare_list(c.bend, typed(step, s.x), typed(g.bend_damping, s.x), team)
+    meet(team)
+
+
+@unit
+def solve_mesh(g, team, substep, substeps, step):
+    """Change the velocities to those of the step's end, in so many sweeps."""
+    s, c = g.state, g.constraints
+    h, tau = typed(step, s.x), typed(g.damping, s.x)
+    time = bend_time(h, typed(g.bend_damping, s.x))
+    forget_list(c.stretch, team)
+    forget_list(c.bend, team)
+    meet(team)
+    for _ in range(g.iterations):
+        stretch_colours(g, h, tau, team)
+        bend_colours(g, c.bend, time, team)
 
 
 @kernel
@@ -45,17 +101,7 @@ def bend_one(k, vertices, coefficients, time, gain, slack, impulse, w, p, v):
     v[d] = vd - change * cd * w[d]
 
 
-@driver
-def prepare_mesh(c, step, damping, bend_damping, team):
-    """Set all gains for a step; nothing at all where `c` is None."""
-    if c is None:
-        return
-    prepare_list(c.stretch, step, damping, team)
-    prepare_list(c.bend, step, bend_damping, team)
-    meet(team)
-
-
-@driver
+@routine
 def prepare_list(constraints, step, damping, team):
     """Set this thread's share of the gains of some constraints."""
     if constraints is not None:
@@ -67,7 +113,7 @@ def prepare_list(constraints, step, damping, team):
         )  # fmt: skip
 
 
-@driver
+@routine
 def forget_list(constraints, team):
     """Set this thread's share of the impulses to zero, where they are kept at all."""
     if constraints is not None:
@@ -75,41 +121,30 @@ def forget_list(constraints, team):
         forget(constraints.impulse, lo, hi)
 
 
-@driver
-def stretch_colours(first, second, starts, springs, step, damping, w, s, team):
+@routine
+def stretch_colours(g, step, damping, team):
     """Go through all springs, colour by colour."""
-    for colour in range(starts.size - 1):
-        lo, hi = share(starts[colour], starts[colour + 1], team)
+    s, c, w = g.state, g.constraints, g.inverse_mass
+    springs = c.stretch
+    for colour in range(c.starts.size - 1):
+        lo, hi = share(c.starts[colour], c.starts[colour + 1], team)
         stretch_listed(
-            first[lo:hi], second[lo:hi], step, damping, typed(TINY, s.x), springs.gain[lo:hi], springs.rest[lo:hi],
+            c.first[lo:hi], c.second[lo:hi], step, damping, typed(TINY, s.x), springs.gain[lo:hi], springs.rest[lo:hi],
             part(springs.slack, lo, hi), part(springs.impulse, lo, hi), w, s.x, s.y, s.z, s.vx, s.vy, s.vz,
         )  # fmt: skip
         meet(team)
 
 
-@driver
-def bend_colours(vertices, coefficients, starts, bends, time, w, s, team):
+@routine
+def bend_colours(g, bends, time, team):
     """Go through all bend constraints, colour by colour."""
+    s, c = g.state, g.constraints
     if bends is not None:
-        for colour in range(starts.size - 1):
-            lo, hi = share(starts[colour], starts[colour + 1], team)
+        for colour in range(c.bend_starts.size - 1):
+            lo, hi = share(c.bend_starts[colour], c.bend_starts[colour + 1], team)
             bend_listed(
-                vertices[lo:hi], coefficients[lo:hi], time, bends.gain[lo:hi], part(bends.slack, lo, hi),
+                c.vertices[lo:hi], c.coefficients[lo:hi], time, bends.gain[lo:hi], part(bends.slack, lo, hi),
                 part(row(bends.impulse, 0), lo, hi), part(row(bends.impulse, 1), lo, hi),
-                part(row(bends.impulse, 2), lo, hi), w, s.x, s.y, s.z, s.vx, s.vy, s.vz,
+                part(row(bends.impulse, 2), lo, hi), g.inverse_mass, s.x, s.y, s.z, s.vx, s.vy, s.vz,
             )  # fmt: skip
             meet(team)
-
-
-@driver
-def solve_mesh(s, c, inverse_mass, iterations, step, damping, bend_damping, team):
-    """Change the velocities to those of the step's end, in so many sweeps; nothing at all where `c` is None."""
-    if c is None:
-        return
-    bend_time = step if bend_damping is None else step + bend_damping
-    forget_list(c.stretch, team)
-    forget_list(c.bend, team)
-    meet(team)
-    for _ in range(iterations):
-        stretch_colours(c.first, c.second, c.starts, c.stretch, step, damping, inverse_mass, s, team)
-        bend_colours(c.vertices, c.coefficients, c.bend_starts, c.bend, bend_time, inverse_mass, s, team)

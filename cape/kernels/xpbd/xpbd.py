@@ -1,20 +1,59 @@
-"""XPBD with small steps: one call is one frame, for one thread or each of a team.
+"""XPBD with small steps.
 
-Velocities are the unknowns, as `formulas` tells: predicted from external forces, changed by the constraints, then
+Velocities are the unknowns, as `xpbd.formulas` tells: predicted from external forces, changed by the constraints, then
 used once to advance the positions.
 """
 
-from cape.kernels.absent import typed
-from cape.kernels.bones import move_bones
-from cape.kernels.cloth.forces import compute_forces
-from cape.kernels.jit import driver, kernel
-from cape.kernels.self_contact.self_contact import keep_apart, press
-from cape.kernels.solve.attachments import aim
-from cape.kernels.solve.frame import begin_frame, keep_out
-from cape.kernels.solve.journal import note_end, note_integrated
-from cape.kernels.team import meet, span
-from cape.kernels.xpbd.grid import prepare_grid, solve_grid
-from cape.kernels.xpbd.mesh import prepare_mesh, solve_mesh
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.kernels.jit import kernel, unit
+from cape.kernels.state import Inertia, State
+
+
+class Falling(NamedTuple):
+    """A cloth with its weight."""
+
+    state: State
+    inertia: Inertia
+
+
+class Blown(NamedTuple):
+    """A cloth in the air, whose forces (3, N) [N] are cleared once they have acted."""
+
+    state: State
+    inertia: Inertia
+    forces: NDArray[np.floating]
+
+
+@unit
+def fall_all(g, team, substep, substeps, step):
+    """Add what gravity gives to the velocities of a thread's vertices."""
+    s, lo, hi, gravity = g.state, team.lo, team.hi, g.inertia.gravity
+    dtype = s.x.dtype.type
+    fall(
+        dtype(step * gravity[0]), dtype(step * gravity[1]), dtype(step * gravity[2]),
+        s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
+    )  # fmt: skip
+
+
+@unit
+def blow_all(g, team, substep, substeps, step):
+    """Let the air's forces act on the velocities of a thread's vertices."""
+    s, lo, hi, f = g.state, team.lo, team.hi, g.forces
+    blow(
+        s.x.dtype.type(step), g.inertia.inverse_mass[lo:hi], f[0, lo:hi], f[1, lo:hi], f[2, lo:hi],
+        s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
+    )  # fmt: skip
+
+
+@unit
+def drift_all(g, team, substep, substeps, step):
+    """Advance the positions of a thread's vertices."""
+    lo, hi = team.lo, team.hi
+    drift(g.x.dtype.type(step), g.x[lo:hi], g.y[lo:hi], g.z[lo:hi], g.vx[lo:hi], g.vy[lo:hi], g.vz[lo:hi])
 
 
 @kernel
@@ -46,56 +85,3 @@ def drift(step, x, y, z, vx, vy, vz):
         x[i] += step * vx[i]
         y[i] += step * vy[i]
         z[i] += step * vz[i]
-
-
-@driver
-def blow_all(lo, hi, s, model, forces, room, inverse_mass, step, team):
-    """Let the air act on vertices lo to hi; nothing at all where `model` is None."""
-    if model is not None:
-        fx, fy, fz = forces[0], forces[1], forces[2]
-        compute_forces(lo, hi, s, model, fx, fy, fz, room, team)
-        meet(team)
-        blow(step, inverse_mass[lo:hi], fx[lo:hi], fy[lo:hi], fz[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi])
-
-
-@driver
-def xpbd_frame(
-    s, grid, mesh, damping, bend_damping, model, inertia, forces, room, motion, m, attached,
-    contacts, iterations, substeps, duration, journal, team,
-):  # fmt: skip
-    """Advance the state `s` by `duration` [s] in `substeps` steps of `iterations` sweeps over all constraints.
-
-    `model` has the air alone, `forces` (3, N) is shared room of zeros; `room`, the forces' scratch, `m`, a MotionRoom,
-    and `contacts` are this thread's. `grid` or `mesh`, `damping`, `bend_damping`, `model`, `attached`, `journal`,
-    `team` and the parts of `contacts` are None where there are none, and then pruned.
-    """
-    lo, hi = span(s.x.size, team)
-    step = duration / substeps
-    h = typed(step, s.x)
-    tau, bend_tau = typed(damping, s.x), typed(bend_damping, s.x)
-    gravity = inertia.gravity
-    begin_frame(lo, hi, s, attached, contacts.groups, contacts.faces, motion, m, duration, substeps, team)
-    prepare_grid(grid, s.x.size, h, tau, bend_tau, team)
-    prepare_mesh(mesh, h, tau, bend_tau, team)
-    for substep in range(substeps):
-        blow_all(lo, hi, s, model, forces, room, inertia.inverse_mass, h, team)
-        fall(
-            typed(step * gravity[0], s.x), typed(step * gravity[1], s.x), typed(step * gravity[2], s.x),
-            s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
-        )  # fmt: skip
-        move_bones(motion, m, (substep + 1) * step)
-        aim(lo, hi, s, attached, m, (substep + 1) * step, step)
-        meet(team)
-        solve_grid(s, grid, iterations, h, tau, bend_tau, team)
-        solve_mesh(s, mesh, inertia.inverse_mass, iterations, h, tau, bend_tau, team)
-        meet(team)
-        drift(h, s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi])
-        note_integrated(lo, hi, s, journal, substep)
-        press(lo, hi, s, contacts.pressure, step)
-        keep_out(
-            lo, hi, s, inertia.inverse_mass, None, contacts.free, contacts.groups, contacts.faces, m, 1.0, substep,
-            step, team,
-        )  # fmt: skip
-        keep_apart(s, contacts.layers, inertia.inverse_mass, substep, substeps - 1 - substep, step, team)
-        note_end(lo, hi, s, journal, substep)
-        meet(team)

@@ -1,0 +1,1 @@
+"""Forces on a cloth, one file each: `registry` lists them."""

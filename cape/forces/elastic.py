@@ -1,0 +1,89 @@
+"""What keeps a cloth together: springs and bend springs, with damping."""
+
+from typing import ClassVar, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.assemble import Assembly
+from cape.cloth.cloth import GridCloth
+from cape.forces.base import Acting, Force
+from cape.kernels.cloth.grid import GridBends, GridForces, GridSprings, grid_springs
+from cape.kernels.cloth.mesh import MeshBends, MeshForces, MeshSprings, mesh_springs
+from cape.kernels.program import Use
+from cape.scene.scene import Scene
+
+
+class Elastic(Force):
+    """Springs between vertices, and bend springs; Kelvin and Voigt's damping in both."""
+
+    name: ClassVar[str] = "elastic"
+    account: ClassVar[Literal["elastic", "air"]] = "elastic"
+    sets: ClassVar[bool] = True
+
+    @staticmethod
+    def acts(scene: Scene) -> bool:
+        """Always."""
+        return True
+
+    @staticmethod
+    def arrays(assembly: Assembly, dtype: type[np.floating]) -> "Links":
+        """The springs and bend springs, of a grid by family, or of a mesh by link."""
+        return links_of(assembly, dtype)
+
+    @staticmethod
+    def uses(acting: Acting, arrays: "Links") -> list[Use]:
+        """One unit, for grids or for meshes."""
+        a = arrays
+        if isinstance(a.springs, GridSprings):
+            assert acting.room is not None
+            assert not isinstance(a.bends, MeshBends)
+            group = GridForces(acting.state, a.springs, a.bends, a.damping, a.bend_damping, acting.forces, acting.room)
+            return [Use(grid_springs, group)]
+        assert not isinstance(a.bends, GridBends)
+        return [
+            Use(mesh_springs, MeshForces(acting.state, a.springs, a.bends, a.damping, a.bend_damping, acting.forces))
+        ]
+
+    @staticmethod
+    def energy(assembly: Assembly, positions: NDArray[np.float64]) -> float:
+        """Energy of stretched and bent springs [J]."""
+        springs = assembly.springs
+        lengths = np.linalg.norm(positions[springs.second] - positions[springs.first], axis=1)
+        bends = np.einsum("km,kmc->kc", springs.bend_coefficients, positions[springs.bend_vertices])
+        return 0.5 * float(springs.stiffness @ (lengths - springs.rest) ** 2) + 0.5 * float(
+            springs.bend_stiffness @ np.sum(bends**2, axis=1)
+        )
+
+
+class Links(NamedTuple):
+    """Springs and bend springs in a precision, with damping times [s]; None for what a cloth lacks."""
+
+    springs: GridSprings | MeshSprings
+    bends: GridBends | MeshBends | None
+    damping: float | None
+    bend_damping: float | None
+
+
+def damping_times(assembly: Assembly) -> tuple[float | None, float | None]:
+    """Damping times [s] of springs and of bend springs; None for none."""
+    fabric = assembly.cloth.fabric
+    has_bends = len(assembly.springs.bend_stiffness) > 0
+    return fabric.damping_time or None, (fabric.bend_damping_time or None) if has_bends else None
+
+
+def links_of(assembly: Assembly, dtype: type[np.floating]) -> Links:
+    """The springs of a cloth as kernels take them."""
+    springs, count, times = assembly.springs, assembly.cloth.vertices, damping_times(assembly)
+    has_bends = len(springs.bend_stiffness) > 0
+    if isinstance(assembly.cloth, GridCloth):
+        families = springs.families
+        if families is None:
+            raise TypeError("the springs of a grid come by family")
+        bends = GridBends(families.bend_offsets, families.bend_stiffness.astype(dtype)) if has_bends else None
+        grid = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
+        return Links(grid, bends, *times)
+    from cape.assembly.mesh_links import mesh_bends_record, mesh_springs_record
+
+    bends = mesh_bends_record(springs, count, dtype) if has_bends else None
+    return Links(mesh_springs_record(springs, count, dtype), bends, *times)

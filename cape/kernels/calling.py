@@ -1,0 +1,55 @@
+"""Compiled functions called from Python."""
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from cape.kernels import store
+from cape.kernels.jit import Function
+from cape.kernels.packing import GroupKind
+
+NUMBERS = {
+    "int": np.dtype(np.int64),
+    "unsigned": np.dtype(np.uint64),
+    "float": np.dtype(np.float64),
+    "single": np.dtype(np.float32),
+    "bool": np.dtype(np.bool_),
+}
+"""What a function may return."""
+
+_PROTOTYPE = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
+_ROOM = 32  # words of a result, more than any function returns
+
+_entries: dict[tuple[Function, GroupKind], "Entry"] = {}
+
+
+class Entry:
+    """A compiled function of one group of arguments; other threads may go on while it runs."""
+
+    def __init__(self, code: store.Code) -> None:
+        self._call = _PROTOTYPE(code.address)
+        self._single = NUMBERS.get(code.returns) if isinstance(code.returns, str) else None
+        self._several = None
+        if not isinstance(code.returns, str):
+            self._several = np.dtype([(f"f{k}", NUMBERS[name]) for k, name in enumerate(code.returns)], align=True)
+
+    def __call__(self, address: int) -> Any:
+        """Call it with the group whose table is at an address."""
+        room = np.zeros(_ROOM, np.int64)
+        place = room.ctypes.data
+        self._call(place, place + 8 * (_ROOM - 1), address)
+        if self._single is not None:
+            return room.view(self._single)[0].item()
+        if self._several is not None:
+            return room.view(np.uint8)[: self._several.itemsize].view(self._several)[0].item()
+        return None
+
+
+def entry_of(function: Function, kind: GroupKind) -> Entry:
+    """The entry of a function for arguments of these kinds."""
+    key = function, kind
+    entry = _entries.get(key)
+    if entry is None:
+        entry = _entries[key] = Entry(store.code_of(store.Request(function, (kind,), spread=True)))
+    return entry

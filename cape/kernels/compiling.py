@@ -1,0 +1,87 @@
+"""Compiling several pieces on all cores: this process takes one end of the list, helpers the other.
+
+Each piece is claimed by who makes a file of its name first. Helpers are new processes, as numba compiles on one thread
+of a process at a time; they need the folder of compiled code to hand over what they made, and without it there are none.
+"""
+
+import contextlib
+import logging
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from cape.kernels import store
+from cape.kernels.store import Request
+
+log = logging.getLogger("cape.compiling")
+
+WORTH = 3  # pieces for each helper at least: one takes a second to start
+
+listener: Callable[[str, int, int], None] | None = None
+"""Told of each piece before it is compiled: its name, how many were done, and how many there are."""
+
+
+def compile_all(requests: Sequence[Request]) -> None:
+    """Compile all requests, in this process and in helpers."""
+    with tempfile.TemporaryDirectory(prefix="cape-") as name:
+        claims = Path(name)
+        helpers = _start_helpers(requests, claims)
+        try:
+            _work(requests, claims, tell=True)
+        finally:
+            for helper in helpers:
+                with contextlib.suppress(BaseException):
+                    helper.wait()
+    # What a helper claimed and did not finish.
+    for request in store.missing(requests):
+        store.code_of(request)
+
+
+def _work(requests: Sequence[Request], claims: Path, *, tell: bool) -> None:
+    for request in requests:
+        done = len(os.listdir(claims))
+        if not _claim(claims, request):
+            continue
+        if tell and listener is not None:
+            listener(request.name, done, len(requests))
+        log.info("compiling %s, %d of %d", request.name, done + 1, len(requests))
+        store.make(request)
+
+
+def _claim(claims: Path, request: Request) -> bool:
+    try:
+        (claims / request.file).touch(exist_ok=False)
+    except FileExistsError:
+        return False
+    return True
+
+
+def _start_helpers(requests: Sequence[Request], claims: Path) -> list["subprocess.Popen[bytes]"]:
+    if store.folder() is None or not sys.executable:
+        return []
+    cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+    count = min(cores - 1, len(requests) // WORTH)
+    helpers = []
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    for _ in range(count):
+        with contextlib.suppress(OSError):
+            helper = subprocess.Popen(
+                [sys.executable, "-m", "cape.kernels.compiling", str(claims)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                env=environment,
+            )
+            assert helper.stdin is not None
+            with contextlib.suppress(BrokenPipeError):
+                helper.stdin.write(pickle.dumps(list(reversed(requests))))
+                helper.stdin.close()
+            helpers.append(helper)
+    return helpers
+
+
+if __name__ == "__main__":
+    _work(pickle.load(sys.stdin.buffer), Path(sys.argv[1]), tell=False)  # from the process that started this one

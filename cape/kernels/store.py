@@ -1,0 +1,264 @@
+"""Compiled code, kept on disk and loaded into memory: what was compiled once for this machine never is again.
+
+Each piece is an object file of its own, named for a digest of all that it depends on: the sources of its module and of
+those that this one imports, the kinds of its arguments, the compiler's versions, the processor. The folder is
+`NUMBA_CACHE_DIR`, or `cape` in the user's cache; where that can't be written, pieces live in memory alone.
+"""
+
+import contextlib
+import hashlib
+import importlib.metadata
+import json
+import logging
+import os
+import re
+import sys
+import tempfile
+import threading
+from collections.abc import Iterable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import llvmlite.binding as llvm
+
+from cape.kernels.jit import Function
+from cape.kernels.packing import Kind
+
+log = logging.getLogger("cape.compiling")
+
+ROOT = Path(__file__).parents[2]
+_IMPORT = re.compile(r"^(?:from|import) ((?:cape|skeleton)[\w.]*)(?: import \(?([\w ,]*))?", re.MULTILINE)
+_SETTINGS = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_OPT", "NUMBA_LOOP_VECTORIZE", "NUMBA_SLP_VECTORIZE")
+
+
+class Code(NamedTuple):
+    """Machine code in memory: its address, and what it returns, "none" or the names of numbers."""
+
+    address: int
+    returns: str | tuple[str, ...]
+
+
+class Request(NamedTuple):
+    """A function for arguments of some kinds, or, `spread`, for the fields of one group of them."""
+
+    function: Function
+    kinds: tuple[Kind, ...]
+    spread: bool = False
+
+    @property
+    def name(self) -> str:
+        """What to call it where people read it."""
+        formula = self.function.formula
+        return self.function.__name__ + ("" if formula is None else f" of {formula.__module__.rpartition('.')[2]}")
+
+    @property
+    def file(self) -> str:
+        """Name of its object file."""
+        words = (self.function.place, self.kinds, self.spread, sources_of(self.function), *machine())
+        return f"{self.function.__name__}-{hashlib.sha256(repr(words).encode()).hexdigest()[:32]}.o"
+
+
+class Piece(NamedTuple):
+    """An object file with the symbol of its function and what that returns."""
+
+    symbol: str
+    returns: str | tuple[str, ...]
+    data: bytes
+
+    def pack(self) -> bytes:
+        """One line of JSON, then the object."""
+        return json.dumps([self.symbol, self.returns]).encode() + b"\n" + self.data
+
+    @classmethod
+    def unpack(cls, text: bytes) -> "Piece":
+        """The opposite of `pack`."""
+        head, _, data = text.partition(b"\n")
+        symbol, returns = json.loads(head)
+        return cls(symbol, tuple(returns) if isinstance(returns, list) else returns, data)
+
+
+@cache
+def machine() -> tuple[str, ...]:
+    """Processor, versions and settings that compiled code depends on."""
+    versions = (f"{name} {importlib.metadata.version(name)}" for name in ("numba", "llvmlite"))
+    return (
+        sys.version,
+        *versions,
+        llvm.get_default_triple(),
+        llvm.get_host_cpu_name(),
+        llvm.get_host_cpu_features().flatten(),
+        *(os.environ.get(name, "") for name in _SETTINGS),
+    )
+
+
+def sources_of(function: Function) -> str:
+    """Digest of the sources that a function is made of: its module, all that this imports, and the compiler's own."""
+    modules = {function.__module__, "cape.kernels.compiler", "cape.kernels.packing", "cape.kernels.jit"}
+    while function.formula is not None:
+        function = function.formula
+        modules.add(function.__module__)
+    return _digest(tuple(sorted(modules)))
+
+
+@cache
+def _digest(modules: tuple[str, ...]) -> str:
+    known: dict[str, bytes] = {}
+    waiting = list(modules)
+    while waiting:
+        module = waiting.pop()
+        if module in known:
+            continue
+        path = _file_of(module)
+        text = known[module] = b"" if path is None else path.read_bytes()
+        if module.startswith("cape.kernels") or not module.startswith("cape"):
+            waiting += _imported(text.decode())
+    digest = hashlib.sha256()
+    for module in sorted(known):
+        digest.update(module.encode() + b"\0" + known[module] + b"\0")
+    return digest.hexdigest()
+
+
+def _imported(text: str) -> Iterable[str]:
+    for module, names in _IMPORT.findall(text):
+        yield module
+        for name in names.replace(",", " ").split():
+            if _file_of(f"{module}.{name}") is not None:
+                yield f"{module}.{name}"
+
+
+@cache
+def _file_of(module: str) -> Path | None:
+    place = ROOT.joinpath(*module.split("."))
+    for path in (place.with_suffix(".py"), place / "__init__.py"):
+        if path.exists():
+            return path
+    loaded = sys.modules.get(module)
+    return Path(loaded.__file__) if loaded is not None and getattr(loaded, "__file__", None) else None
+
+
+# -- on disk --
+
+
+@cache
+def folder() -> Path | None:
+    """Where pieces are kept; None where nothing can be, which is said once."""
+    named = os.environ.get("NUMBA_CACHE_DIR")
+    if named:
+        place = Path(named) / "cape"
+    else:
+        place = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "cape"
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=place):
+            pass
+    except OSError as error:
+        log.warning("compiled code can't be kept in %s (%s): it is compiled anew in each run", place, error.strerror)
+        return None
+    return place
+
+
+def find(request: Request) -> Piece | None:
+    """A piece that is on disk."""
+    place = folder()
+    if place is None:
+        return None
+    try:
+        return Piece.unpack((place / request.file).read_bytes())
+    except (OSError, ValueError):
+        return None
+
+
+def keep(request: Request, piece: Piece) -> None:
+    """Write a piece to the disk, whole or not at all."""
+    place = folder()
+    if place is None:
+        return
+    path = place / request.file
+    unfinished = path.with_name(f"{path.name}.{os.getpid()}.{threading.get_ident()}")
+    try:
+        unfinished.write_bytes(piece.pack())
+        unfinished.replace(path)
+    except OSError as error:
+        log.warning("compiled code could not be kept in %s: %s", place, error.strerror)
+        with contextlib.suppress(OSError):
+            unfinished.unlink()
+
+
+# -- in memory --
+
+_loaded: dict[Request, Code] = {}
+_pieces: dict[Request, Piece] = {}  # compiled, but neither loaded nor on disk
+_keepers: list[Any] = []
+_lock = threading.RLock()
+compiled: list[str] = []
+"""Names of what this process has had compiled, in order."""
+
+
+def code_of(request: Request) -> Code:
+    """The code of a request, loaded, compiled if need be."""
+    code = _loaded.get(request)
+    if code is None:
+        with _lock:
+            code = _loaded.get(request)
+            if code is None:
+                piece = find(request) or _pieces.pop(request, None) or compile_here(request)
+                code = _loaded[request] = _load(piece)
+    return code
+
+
+def compile_here(request: Request) -> Piece:
+    """Compile a request in this process, and keep it."""
+    from cape.kernels import compiler
+
+    piece = Piece(*compiler.machine_code(request.function, request.kinds, spread=request.spread))
+    compiled.append(request.name)
+    keep(request, piece)
+    return piece
+
+
+def make(request: Request) -> None:
+    """Compile a request, to be loaded by whoever asks for it."""
+    piece = compile_here(request)
+    if folder() is None:
+        _pieces[request] = piece
+
+
+def is_ready(request: Request) -> bool:
+    """Tell whether a request needs no compiling."""
+    if request in _loaded or request in _pieces:
+        return True
+    place = folder()
+    return place is not None and (place / request.file).exists()
+
+
+def missing(requests: Sequence[Request]) -> list[Request]:
+    """Those that must be compiled, each once."""
+    return [request for request in dict.fromkeys(requests) if not is_ready(request)]
+
+
+@cache
+def _engine() -> Any:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.create_lljit_compiler()
+
+
+def _load(piece: Piece) -> Code:
+    builder = llvm.JITLibraryBuilder().add_object_img(piece.data).add_current_process().export_symbol(piece.symbol)
+    library = builder.link(_engine(), f"piece{len(_keepers)}")
+    _keepers.append(library)
+    return Code(library[piece.symbol], piece.returns)
+
+
+# -- ahead --
+
+
+def prepare(requests: Sequence[Request]) -> None:
+    """Have all of some requests compiled, those that are missing on all cores at once."""
+    todo = missing(requests)
+    if not todo:
+        return
+    from cape.kernels import compiling
+
+    compiling.compile_all(todo)

@@ -1,0 +1,138 @@
+"""What happens in a frame, and in what order: the same for all solvers but for their own integration.
+
+A frame begins with the bones (`begin_frame`). In each substep the solver's units move the cloth; then (`end_substep`)
+
+1. the journal notes where that has led;
+2. touching layers of cloth press on each other;
+3. colliders keep triangles out, then vertices;
+4. bones put the vertices that they hold where they belong;
+5. layers of the cloth are kept apart;
+6. the journal notes where that has led.
+
+What a scene lacks is not in the list.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.forces.base import Acting, Force
+from cape.kernels.bones import MovingBones, begin_motion, move_on
+from cape.kernels.cloth.grid import GridRoom
+from cape.kernels.contact.contact import Contact
+from cape.kernels.contact.faces import FaceContact
+from cape.kernels.contact.units import (
+    FirstLook,
+    Nearby,
+    find_nearby,
+    keep_faces_out,
+    keep_out,
+    wake_faces,
+    watch_tiles,
+)
+from cape.kernels.program import Nothing, Use, wait_for_all
+from cape.kernels.self_contact.self_contact import Layered, Pressed, keep_apart, press
+from cape.kernels.solve.attachments import Held, Lifted, hold_attached, lift_attached
+from cape.kernels.solve.journal import Noting, NotingForces, note_end, note_integrated, note_pressed
+from cape.solvers.running import Thread
+
+
+class Order(NamedTuple):
+    """Units in the order in which they are called: once at a frame's start, and in each of its substeps."""
+
+    begin: list[Use]
+    substep: list[Use]
+
+
+def wait(thread: Thread) -> list[Use]:
+    """Wait for the other threads, if there are any."""
+    return [Use(wait_for_all, Nothing())] if thread.size > 1 else []
+
+
+def forces(thread: Thread, kinds: Sequence[type[Force]], out: NDArray[np.floating], room: GridRoom | None) -> list[Use]:
+    """Compute some forces into `out` (3, N) [N]."""
+    running = thread.running
+    acting = Acting(running.assembly, running.state, out, room)
+    return [use for force in kinds for use in force.uses(acting, running.arrays.forces[force])]
+
+
+def begin_frame(thread: Thread) -> list[Use]:
+    """Start the motion of the bones, see what the cloth may meet, and lift what bones hold out of colliders."""
+    running, contacts, bones = thread.running, thread.contacts, thread.bones
+    motion, duration = running.motion, running.duration
+    start = Use(begin_motion, MovingBones(motion, bones, duration))
+    uses = [start]
+    if contacts.colliders is not None:
+        uses.append(Use(find_nearby, Nearby(running.state, contacts.colliders, bones, duration)))
+        if contacts.faces is not None and thread.is_first:
+            uses.append(Use(wake_faces, contacts.faces))
+        uses += wait(thread)
+    attached = running.assembly.attached
+    if attached is not None:
+        uses += [Use(lift_attached, Lifted(attached, contacts.colliders, motion, bones, duration)), start]
+    return uses
+
+
+def move_bones(thread: Thread) -> list[Use]:
+    """Move the bones on by a substep."""
+    return [Use(move_on, MovingBones(thread.running.motion, thread.bones, thread.running.duration))]
+
+
+def end_substep(
+    thread: Thread,
+    *,
+    pressing: bool = True,
+    holding: bool = False,
+    earlier: NDArray[np.floating] | None = None,
+    share: float = 1.0,
+    force: NDArray[np.floating] | None = None,
+) -> list[Use]:
+    """All that follows a solver's own integration.
+
+    Args:
+        thread: who does it.
+        pressing: whether forces between layers act here, rather than within the integration.
+        holding: whether attached vertices are put in place here, rather than within the integration.
+        earlier: positions at the step's start [m] (at least 3, N), None where they are x - step v.
+        share: of the colliders' thickness that is kept.
+        force: of contact within the integration [N] (3, N), None for none.
+    """
+    running, contacts, assembly = thread.running, thread.contacts, thread.running.assembly
+    uses = []
+    if thread.journal is not None:
+        uses.append(Use(note_integrated, Noting(running.state, thread.journal)))
+        if not pressing:
+            uses.append(Use(note_pressed, NotingForces(thread.journal, force, contacts.pressure)))
+    if contacts.pressure is not None and pressing:
+        uses.append(Use(press, Pressed(running.state, contacts.pressure)))
+    uses += _keep_out(thread, earlier, share)
+    if assembly.attached is not None and holding:
+        uses.append(Use(hold_attached, Held(running.state, assembly.attached, thread.bones)))
+    if contacts.layers is not None:
+        uses += wait(thread)
+        if thread.is_first:
+            uses.append(Use(keep_apart, Layered(running.state, contacts.layers, thread.inverse_mass)))
+        uses += wait(thread)
+    if thread.journal is not None:
+        uses.append(Use(note_end, Noting(running.state, thread.journal)))
+    return uses
+
+
+def _keep_out(thread: Thread, earlier: NDArray[np.floating] | None, share: float) -> list[Use]:
+    """Keep triangles, then vertices, out of all colliders; one thread looks after all triangles."""
+    running, contacts = thread.running, thread.contacts
+    colliders, faces = contacts.colliders, contacts.faces
+    if colliders is None:
+        return []
+    contact = Contact(
+        running.state, thread.inverse_mass, contacts.free, earlier, colliders, thread.bones, share, contacts.settled
+    )
+    uses = [Use(watch_tiles, Nearby(running.state, colliders, thread.bones, running.duration))]
+    if faces is not None:
+        uses += [Use(keep_out, FirstLook(contact, True)), *wait(thread)]
+        if thread.is_first:
+            uses.append(Use(keep_faces_out, FaceContact(contact, faces)))
+        uses += wait(thread)
+    return [*uses, Use(keep_out, FirstLook(contact, False))]

@@ -1,0 +1,62 @@
+"""A solver at work on a cloth: its arrays, and the programs of a frame for each thread."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.assemble import Assembly
+from cape.assembly.contact import Contacts
+from cape.kernels.bones import Motion, MotionRoom
+from cape.kernels.solve.journal import Journal
+from cape.kernels.state import State
+
+
+class Running:
+    """What a solver has made for one cloth, and where the bones move in the frame at hand.
+
+    Attributes:
+        assembly: the scene's arrays.
+        state: of the vertices, which steps change in place.
+        arrays: the solver's own.
+        motion: of the bones in a frame, filled anew for each.
+        duration: of that frame [s], shape (1,).
+        frames: programs that were made, by number of threads.
+    """
+
+    def __init__(self, assembly: Assembly, state: State, arrays: Any) -> None:
+        """Hold the arrays; programs are made with the first step."""
+        self.assembly, self.state, self.arrays = assembly, state, arrays
+        bones = len(assembly.scene.bones) + 1
+        self.motion = Motion(*(np.zeros((bones, size)) for size in (3, 4, 3, 4)))
+        self.duration = np.zeros(1)
+        self.frames: dict[int, Any] = {}
+
+
+class Thread(NamedTuple):
+    """One of `size` threads that share a cloth; `journal` is what its steps are noted in, None for nowhere."""
+
+    running: Running
+    rank: int
+    size: int
+    journal: Journal | None
+
+    @property
+    def contacts(self) -> Contacts:
+        """What the cloth can't enter, with this thread's own notes."""
+        return self.running.assembly.ranks[self.rank].contacts
+
+    @property
+    def bones(self) -> MotionRoom:
+        """Where the bones are, as this thread moves them."""
+        return self.running.assembly.ranks[self.rank].room
+
+    @property
+    def is_first(self) -> bool:
+        """Tell whether this is the thread that does what only one may do."""
+        return self.rank == 0
+
+    @property
+    def inverse_mass(self) -> NDArray[np.floating]:
+        """[1/kg] of the vertices in the precision of the state, zero for attached ones."""
+        return self.running.arrays.inertia.inverse_mass
