@@ -50,8 +50,8 @@ class Contact(NamedTuple):
     """The cloth and what it can't enter.
 
     `inverse_mass` [1/kg] and `free`, False for attached vertices, (V,); `earlier` are the positions at a step's start
-    (at least 3, V), unless those are x - step v, as `straight` says; `share` of the thickness is kept; `settled` (1,) is the last turn
-    in which triangles left nothing to do for vertices.
+    (at least 3, V), unless those are x - step v, as `straight` says; `share` of the thickness is kept; `settled` (1,)
+    is the last turn in which triangles left nothing to do for vertices.
     """
 
     state: State
