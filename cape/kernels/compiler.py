@@ -322,5 +322,6 @@ def _emit(module: llvm.ModuleRef) -> bytes:
 def _returned(kind: types.Type) -> Any:
     kind = types.unliteral(kind)
     if isinstance(kind, types.BaseTuple):
-        return tuple(_returned(part) for part in kind)
+        parts: Any = kind
+        return tuple(_returned(part) for part in parts)
     return _NAMES[kind]

@@ -92,7 +92,7 @@ class Packed:
             return "bool", [int(value)]
         if isinstance(value, (int, np.integer)):
             return "int", [int(np.int64(value))]
-        if isinstance(value, np.float32):
+        if isinstance(value, np.floating) and value.itemsize == 4:
             return "single", [int(value.view(np.int32))]
         if isinstance(value, (float, np.floating)):
             return "float", [int(np.float64(value).view(np.int64))]
