@@ -215,6 +215,8 @@ def _faces(colliders: Colliders, layouts: Sequence[Layout], cloth: Cloth) -> Fac
         due=np.zeros(-(-len(starts) // CHUNK), np.int64),
         middles=_points(GROUP),
         seen=np.zeros((SEEN, GROUP)),
+        known=np.zeros((len(corners), 10)),
+        known_of=np.full(len(corners), -1, np.int64),
         haste=np.zeros(1),
         pushed=np.zeros(1, np.int64),
     )
