@@ -4,7 +4,7 @@ from cape.attach import Attachment, attach
 from cape.auto import Auto, AutoSimulation
 from cape.batch import Batch
 from cape.cloth import Cloth, GridCloth, MeshCloth
-from cape.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
+from cape.colliders import Box, Collider, Cylinder, Ellipsoid, Plane, Sphere, TaperedCapsule
 from cape.cuts import Cuts
 from cape.dress import dress
 from cape.fabric import FABRICS, Fabric, fabric
@@ -36,7 +36,9 @@ __all__ = [
     "Cloth",
     "Collider",
     "Cuts",
+    "Cylinder",
     "Diverged",
+    "Ellipsoid",
     "Fabric",
     "GridCloth",
     "Ledger",

@@ -1,15 +1,13 @@
 """From colliders to the records that kernels work on: a line in `KINDS` for each kind of shape."""
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth import Cloth, MeshCloth, areas
-from cape.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
+from cape.colliders import Box, Capsule, Collider, Cylinder, Ellipsoid, Plane, Sphere, TaperedCapsule
 from cape.kernels import shapes
 from cape.kernels.faces import CHUNK, GROUP, SEEN
 from cape.kernels.records import Contacts
@@ -17,57 +15,19 @@ from cape.kernels.shapes import COLLIDER, Faces, Shapes
 from cape.kernels.watch import TILE
 from cape.layers import layers_of
 from cape.scene import Scene
-from motions import quaternions
-from skeleton.shapes import Capsule
+from motions.errors import UnknownNameError
+from skeleton.shapes import Layout
 
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Layout:
-    """A shape's own frame, shape_to_bone, its sizes there (`kernels.distance`), its `core` (`kernels.shapes`), and the
-    smallest radius of curvature of its surface [m]."""
-
-    origin: FloatArray
-    rotation: FloatArray
-    sizes: tuple[float, ...]
-    core: float
-    curvature: float
-
-
-def _capsule(collider: Capsule) -> Layout:
-    rotation, length = _along(collider.end - collider.start)
-    return Layout(collider.start, rotation, (length, collider.radius), collider.radius, collider.radius)
-
-
-def _sphere(collider: Sphere) -> Layout:
-    return Layout(collider.center, np.eye(3), (0.0, collider.radius), collider.radius, collider.radius)
-
-
-def _tapered_capsule(collider: TaperedCapsule) -> Layout:
-    rotation, length = _along(collider.end - collider.start)
-    start, end = collider.start_radius, collider.end_radius
-    if length <= abs(start - end):  # one sphere holds the other
-        origin = collider.start if start >= end else collider.end
-        return Layout(origin, rotation, (0.0, max(start, end)), max(start, end), max(start, end))
-    sine, least = (start - end) / length, min(start, end)
-    return Layout(collider.start, rotation, (length, start, sine, sine / math.sqrt(1.0 - sine**2)), least, least)
-
-
-def _box(collider: Box) -> Layout:
-    halves = tuple(float(h) for h in collider.half_sizes)
-    return Layout(collider.center, quaternions.to_matrix(collider.rotation_wxyz), halves, min(halves), 0.0)
-
-
-def _plane(collider: Plane) -> Layout:
-    return Layout(collider.point, _along(collider.normal)[0], (), math.inf, math.inf)
-
-
-KINDS: dict[type[Shapes], dict[type[Collider], Callable[..., Layout]]] = {
-    shapes.Capsules: {Capsule: _capsule, Sphere: _sphere},
-    shapes.TaperedCapsules: {TaperedCapsule: _tapered_capsule},
-    shapes.Boxes: {Box: _box},
-    shapes.Planes: {Plane: _plane},
+KINDS: dict[type[Shapes], tuple[type[Collider], ...]] = {
+    shapes.Capsules: (Capsule, Sphere),
+    shapes.TaperedCapsules: (TaperedCapsule,),
+    shapes.Boxes: (Box,),
+    shapes.Planes: (Plane,),
+    shapes.Cylinders: (Cylinder,),
+    shapes.Ellipsoids: (Ellipsoid,),
 }
 """For each kind of record the colliders that become one, in the order in which contact is made."""
 
@@ -79,16 +39,23 @@ def contacts_of(scene: Scene, cloth: Cloth, free: NDArray[np.bool_]) -> tuple[Co
     """The colliders of a scene by kind, and for each kind their indices into `scene.colliders`.
 
     `cloth` is the scene's cloth as the solver numbers it, `free` (V,) which of its vertices no bone holds.
+
+    Raises:
+        UnknownNameError: a collider has no kind of record.
     """
+    known = [collider for kind in KINDS.values() for collider in kind]
+    for collider in scene.colliders:
+        if type(collider) not in known:
+            raise UnknownNameError("kind of contact for the shape", collider.kind(), (c.kind() for c in known))
     groups, orders, faces = [], [], []
     tiles = -(-len(free) // TILE)
     shared = {"spreads": np.zeros((tiles, 3)), "alarm": np.zeros(tiles + 1, dtype=np.int64)}
-    for record, makers in _kinds_for(scene).items():
-        order = [i for i, collider in enumerate(scene.colliders) if type(collider) in makers]
+    for record, kind in _kinds_for(scene).items():
+        order = [i for i, collider in enumerate(scene.colliders) if type(collider) in kind]
         if not order:
             continue
         colliders = [scene.colliders[i] for i in order]
-        layouts = [makers[type(c)](c) for c in colliders]
+        layouts = [collider.layout() for collider in colliders]
         group = _group(record, scene, colliders, layouts, shared)
         groups.append(group)
         orders.append(order)
@@ -99,15 +66,15 @@ def contacts_of(scene: Scene, cloth: Cloth, free: NDArray[np.bool_]) -> tuple[Co
     return Contacts(free, tuple(groups) or None, tuple(faces) or None, layers, pressure), tuple(orders)
 
 
-def _kinds_for(scene: Scene) -> dict[type[Shapes], dict[type[Collider], Callable[..., Layout]]]:
+def _kinds_for(scene: Scene) -> dict[type[Shapes], tuple[type[Collider], ...]]:
     """`KINDS`; where there are tapered capsules, all round colliders are records of theirs.
 
     Only colliders of one kind see that they pinch cloth between them.
     """
     if not any(isinstance(collider, TaperedCapsule) for collider in scene.colliders):
         return KINDS
-    round_ones = KINDS[shapes.Capsules] | KINDS[shapes.TaperedCapsules]
-    others = {record: makers for record, makers in KINDS.items() if record is not shapes.Capsules}
+    round_ones = KINDS[shapes.Capsules] + KINDS[shapes.TaperedCapsules]
+    others = {record: kind for record, kind in KINDS.items() if record is not shapes.Capsules}
     return others | {shapes.TaperedCapsules: round_ones}
 
 
@@ -200,8 +167,3 @@ def _cover(cloth: Cloth) -> FloatArray:
     acute = a**2 + b**2 > c**2
     around = a * b * c / np.maximum(4.0 * np.abs(areas(flat)), 1e-300)
     return np.where(acute, np.minimum(around, c), c / 2.0)
-
-
-def _along(direction: FloatArray) -> tuple[FloatArray, float]:
-    """A rotation that turns +Z along a direction, shape (3, 3), and the direction's length."""
-    return quaternions.to_matrix(quaternions.from_z_axis(direction)), float(np.linalg.norm(direction))

@@ -14,7 +14,7 @@ from motions.roles import SIDES
 from skeleton.collision import add_to_geometry_model
 from skeleton.crossings import NEAR, bones_between
 from skeleton.model import Skeleton
-from skeleton.shapes import Bounded
+from skeleton.shapes import Shape
 
 FloatArray = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class Apart:
     until the task sees it. What should be deep in each other so comes to rest less deep.
     """
 
-    def __init__(self, body: Skeleton, solids: Sequence[Bounded], model: Any):
+    def __init__(self, body: Skeleton, solids: Sequence[Shape], model: Any):
         """Find what can get in each other's way.
 
         Args:

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motions.errors import ValueRangeError
-from skeleton.measures import hull_of_spheres_volume, signed_distance, union_volume, volume
+from skeleton.measures import signed_distance, union_volume, volume
 from skeleton.shapes import Capsule, TaperedCapsule
+from skeleton.shapes.hulls import hull_of_spheres_volume
 
 FloatArray = NDArray[np.float64]
 

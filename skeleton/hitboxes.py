@@ -15,7 +15,7 @@ from skeleton.links import Link, LinkReport, body_height, find_links, in_neutral
 from skeleton.measures import signed_distance, union_volume
 from skeleton.mirror import Mirror
 from skeleton.model import Skeleton
-from skeleton.shapes import Bounded, Capsule, TaperedCapsule
+from skeleton.shapes import Bounded, Capsule, Shape, TaperedCapsule
 from skeleton.solid_files import read_solids, write_solids
 
 FloatArray = NDArray[np.float64]
@@ -72,7 +72,7 @@ class Hitboxes:
     """
 
     robot: str
-    solids: tuple[Bounded, ...]
+    solids: tuple[Shape, ...]
     left_out: Mapping[str, str] = field(default_factory=dict)
     qualities: Mapping[str, Quality] = field(default_factory=dict)
     decisions: tuple[str, ...] = ()
@@ -262,12 +262,7 @@ def _grown_to_hold(
     """The solids, so much thicker that their union holds the share of the points."""
     distances = np.min([signed_distance(solid, points) for solid in solids], axis=0)
     lack = max(weighted_quantile(distances, areas, quantile), 0.0)
-    return tuple(
-        replace(solid, radius=solid.radius + lack)
-        if isinstance(solid, Capsule)
-        else replace(solid, start_radius=solid.start_radius + lack, end_radius=solid.end_radius + lack)
-        for solid in solids
-    )
+    return tuple(solid.grown(lack) for solid in solids)
 
 
 _ROUNDING = 1e-9

@@ -16,7 +16,7 @@ from motions import quaternions
 from motions.errors import UserError
 from skeleton.apart import Apart
 from skeleton.model import Skeleton
-from skeleton.shapes import Bounded
+from skeleton.shapes import Shape
 
 if TYPE_CHECKING:
     import pinocchio
@@ -102,7 +102,7 @@ def follow(
     first_wxyz: FloatArray,
     fps: float,
     top_speed: float,
-    solids: Sequence[Bounded] = (),
+    solids: Sequence[Shape] = (),
 ) -> Followed:
     """Configurations that come nearest to the targets, by weighted least squares within the robot's limits.
 

@@ -21,8 +21,8 @@ from skeleton import ROBOTS, Capsule, Hitboxes, Skeleton, add_to_geometry_model,
 from skeleton.geometry import Kind, LinkSurface, geometry_model, link_surfaces
 from skeleton.hitboxes import INSIDE
 from skeleton.links import in_neutral_pose
-from skeleton.measures import Bounded, signed_distance, volume
-from skeleton.shapes import Box, Sphere, TaperedCapsule
+from skeleton.measures import signed_distance, volume
+from skeleton.shapes import Box, Shape, Sphere, TaperedCapsule
 from skeleton.solid_files import read_solids
 
 QUANTILE = 0.98
@@ -50,11 +50,11 @@ def fitted(robot: str) -> Hitboxes:
         return hitboxes_of(body_of(robot), kind=None if robot == "romeo" else "capsule")
 
 
-def named(hitboxes: Hitboxes) -> dict[str, Bounded]:
+def named(hitboxes: Hitboxes) -> dict[str, Shape]:
     return {solid.name: solid for solid in hitboxes.solids}
 
 
-def seen(body: Skeleton, solid: Bounded, point: str) -> np.ndarray:
+def seen(body: Skeleton, solid: Shape, point: str) -> np.ndarray:
     """A point of a solid in the world, the robot in its neutral pose [m], shape (3,)."""
     return in_neutral_pose(body, solid.bone, getattr(solid, point)[None])[0]
 
@@ -82,7 +82,7 @@ def test_every_humanoid_gets_something_where_a_cape_hangs(robot: str):
 LIMBS = ("upper_arm", "forearm", "hand", "thigh", "shin", "foot")
 
 
-def into_bone(body: Skeleton, solid: Bounded, point: np.ndarray) -> np.ndarray:
+def into_bone(body: Skeleton, solid: Shape, point: np.ndarray) -> np.ndarray:
     return body.rest.into_bone(body.bones.index(solid.bone), point)[None] if solid.bone else point[None]
 
 
@@ -283,7 +283,7 @@ solids_of_any_kind = st.one_of(
 )
 
 
-def same(a: Bounded, b: Bounded) -> bool:
+def same(a: Shape, b: Shape) -> bool:
     """Whether two solids have the same bits."""
     return type(a) is type(b) and all(
         np.array_equal(getattr(a, label), getattr(b, label)) for label in a.__dataclass_fields__
@@ -417,7 +417,7 @@ PAIRS = {
 }
 
 
-def surface(solid: Bounded) -> np.ndarray:
+def surface(solid: Shape) -> np.ndarray:
     """Points on and in a round solid, its surface among them, in its bone's frame [m], shape (N, 3)."""
     if isinstance(solid, Sphere):
         return solid.center + solid.radius * BALL
@@ -428,7 +428,7 @@ def surface(solid: Bounded) -> np.ndarray:
     return spheres.reshape(-1, 3)
 
 
-def brute_distance(body: Skeleton, first: Bounded, second: Bounded, configuration: np.ndarray) -> float:
+def brute_distance(body: Skeleton, first: Shape, second: Shape, configuration: np.ndarray) -> float:
     """From points on the first solid to the second [m]."""
     track = body.track(configuration[None], fps=1.0)
     points = quaternions.rotate(track.rotations_wxyz[0, track.index(HAND)], surface(first))
@@ -466,7 +466,7 @@ def test_pinocchio_measures_the_distances_that_brute_force_finds(pair: str, pose
     assert pin.computeCollisions(body.model, data, geometry, geometry.createData(), configuration, False)
 
 
-def grown_by(solid: Bounded, more: float) -> dict:
+def grown_by(solid: Shape, more: float) -> dict:
     if isinstance(solid, Box):
         return {"half_sizes": solid.half_sizes + more}
     labels = ("start_radius", "end_radius") if isinstance(solid, TaperedCapsule) else ("radius",)

@@ -19,13 +19,13 @@ from cape.penetration import signed_distance
 from cape.record.contacts import INSIDE_COLOR, TOUCHING_COLOR
 from cape.record.frames import Frames
 from cape.record.layers import drawn_links
-from cape.record.revolved import tapered_hull
 from cape.record.solids import LEFT_COLOR, LEFT_OUT_COLOR, MIDDLE_COLOR
 from cape.record.stage import heading, skeleton_height, smoothed_path
 from cape.take import Take
 from motions import quaternions
 from motions.errors import FileError, UnknownNameError, ValueRangeError
 from skeleton.shapes import Capsule
+from skeleton.shapes.tapered_capsule import tapered_hull
 from skeleton.track import BoneTrack
 
 HERE = Path(__file__).parent

@@ -3,8 +3,6 @@
 The kernels also run with the compiler off: NUMBA_DISABLE_JIT=1.
 """
 
-from typing import get_args
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -17,6 +15,7 @@ from cape.colliders import TaperedCapsule
 from cape.contact import KINDS, contacts_of, for_another_thread
 from cape.kernels.shapes import DISTANCES, MOMENT, Boxes, Capsules, Planes, Shapes, TaperedCapsules, distance_to, place
 from motions import quaternions
+from skeleton.shapes import SHAPES
 
 ROUNDING = 1e-12  # a few dozen operations on lengths up to 5 m
 CLOTH = grid_cloth([0, 0.01, 0.02], [0, 0.01], Fabric())
@@ -53,9 +52,9 @@ def distance_in(group: Shapes, pose: tuple[FloatArray, FloatArray], point: Float
 
 
 def test_every_collider_has_one_kind_and_every_kind_a_distance():
-    registered = [collider for makers in KINDS.values() for collider in makers]
+    registered = [collider for kind in KINDS.values() for collider in kind]
     assert len(registered) == len(set(registered))
-    assert set(registered) == set(get_args(Collider))
+    assert set(registered) == set(SHAPES.values())
     assert set(KINDS) == set(DISTANCES) == set(Shapes.__subclasses__())
 
 

@@ -16,12 +16,18 @@ from typing import Any
 from numba import njit
 from numba.core.dispatcher import _FunctionCompiler  # pyright: ignore[reportAttributeAccessIssue]
 
+import skeleton.shapes
+
 
 def _stamp_of_all_kernels() -> str:
-    """Digest of every kernel's source: a compiled function holds the code of those it calls, whatever their file."""
+    """Digest of every kernel's source: a compiled function holds the code of those it calls, whatever their file.
+
+    The distances from shapes are among them.
+    """
     digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(source.read_bytes())
+    for folder in (Path(__file__).parent, Path(skeleton.shapes.__file__).parent):
+        for source in sorted(folder.glob("*.py")):
+            digest.update(source.read_bytes())
     return digest.hexdigest()
 
 

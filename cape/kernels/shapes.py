@@ -8,7 +8,7 @@ from numba import literal_unroll
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from cape.kernels.distance import to_box, to_capsule, to_plane, to_tapered_capsule
+from cape.kernels.distance import to_box, to_capsule, to_cylinder, to_ellipsoid, to_plane, to_tapered_capsule
 from cape.kernels.jit import INLINED, driver, inlined
 
 Array = NDArray[np.float64]
@@ -83,6 +83,14 @@ class Planes(Shapes):
     """Half-spaces."""
 
 
+class Cylinders(Shapes):
+    """Cylinders with flat ends."""
+
+
+class Ellipsoids(Shapes):
+    """Ellipsoids."""
+
+
 class Faces(NamedTuple):
     """Triangles that must be kept out of those `shapes` of a kind that are thin as against their size.
 
@@ -111,6 +119,8 @@ DISTANCES: dict[type[Shapes], Callable[..., Any]] = {
     TaperedCapsules: to_tapered_capsule,
     Boxes: to_box,
     Planes: to_plane,
+    Cylinders: to_cylinder,
+    Ellipsoids: to_ellipsoid,
 }
 """The signed distance of each kind."""
 
