@@ -5,7 +5,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from cape.kernels import contact
 from cape.kernels.records import MotionRoom, State
-from cape.kernels.shapes import COLLIDER, MOMENT, Boxes, Capsules, Planes, Shapes, TaperedCapsules
+from cape.kernels.shapes import (
+    COLLIDER,
+    MOMENT,
+    Boxes,
+    Capsules,
+    Cylinders,
+    Ellipsoids,
+    Planes,
+    Shapes,
+    TaperedCapsules,
+)
 from cape.kernels.watch import TILE, measure_tiles
 
 FloatArray = NDArray[np.float64]
@@ -55,6 +65,41 @@ def box_distance(points: FloatArray, halves: ArrayLike) -> FloatArray:
     return np.where((beyond <= 0).all(axis=1), beyond.max(axis=1), outside)
 
 
+def cylinder_distance(points: FloatArray, half_length: float, radius: float) -> FloatArray:
+    """Distance of points (N, 3) from a cylinder around the z axis, its middle at the origin [m], shape (N,).
+
+    The least of the distances from the lines that its surface shows in the plane through the axis and the point.
+    """
+    at = np.stack([np.linalg.norm(points[:, :2], axis=1), np.abs(points[:, 2])], axis=1)
+    on_side = np.stack([np.full(len(at), radius), np.clip(at[:, 1], 0.0, half_length)], axis=1)
+    on_end = np.stack([np.clip(at[:, 0], 0.0, radius), np.full(len(at), half_length)], axis=1)
+    least = np.minimum(np.linalg.norm(at - on_side, axis=1), np.linalg.norm(at - on_end, axis=1))
+    return np.where((at[:, 0] < radius) & (at[:, 1] < half_length), -least, least)
+
+
+def ellipsoid_distance(points: FloatArray, radii: ArrayLike) -> FloatArray:
+    """Distance of points (N, 3), in the ellipsoid's own frame, from its surface [m], negative inside, shape (N,).
+
+    The nearest of points on its surface, (r_x cos a cos b, r_y cos a sin b, r_z sin a), on ever finer grids. By
+    symmetry an eighth of it will do, in which there is no other local minimum: the others are on other sides.
+    """
+    half, shares, radii = np.pi / 2.0, np.linspace(0.0, 1.0, 33), np.asarray(radii, float)
+    found = np.empty(len(points))
+    for k, p in enumerate(np.abs(points)):
+        low, width, least = np.zeros(2), half, np.inf
+        for _ in range(30):
+            a, b = np.meshgrid(*(low[:, None] + width * shares), indexing="ij")
+            on = np.stack([np.cos(a) * np.cos(b), np.cos(a) * np.sin(b), np.sin(a)], axis=-1) * radii
+            off = np.linalg.norm(on - p, axis=-1)
+            place = np.unravel_index(off.argmin(), off.shape)
+            least = min(least, float(off[place]))
+            middle = np.array([a[place], b[place]])
+            width /= 2.5
+            low = np.clip(middle - width / 2.0, 0.0, half - width)
+        found[k] = -least if ((p / radii) ** 2).sum() < 1.0 else least
+    return found
+
+
 def tapered_sizes(length: float, start_radius: float, end_radius: float) -> tuple[float, float, float, float]:
     """What the kernels know of a tapered capsule: the angle between axis and surface by its sine and tangent."""
     angle = np.arcsin((start_radius - end_radius) / length)
@@ -70,6 +115,10 @@ def reference_distance(kind: type[Shapes], sizes: ArrayLike, points: FloatArray)
         return tapered_distance(points, (0, 0, 0), (0, 0, a), (b, b - c * a))
     if kind is Boxes:
         return box_distance(points, (a, b, c))
+    if kind is Cylinders:
+        return cylinder_distance(points, a, b)
+    if kind is Ellipsoids:
+        return ellipsoid_distance(points, (a, b, c))
     return points[:, 2]
 
 
@@ -92,6 +141,8 @@ def record(
         TaperedCapsules: np.minimum(sizes[:, 1], sizes[:, 1] - sizes[:, 2] * sizes[:, 0]),
         Boxes: sizes[:, :3].min(axis=1),
         Planes: np.full(count, np.inf),
+        Cylinders: sizes[:, :2].min(axis=1),
+        Ellipsoids: sizes[:, :3].min(axis=1),
     }
     turned = np.tile(np.eye(3), (count, 1, 1)) if frames is None else np.asarray(frames, float)
     rows = np.zeros(count, COLLIDER).view(np.recarray)

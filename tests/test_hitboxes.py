@@ -4,7 +4,6 @@
 # pyright: reportMissingImports=false
 
 import tomllib
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -22,7 +21,7 @@ from skeleton.geometry import Kind, LinkSurface, geometry_model, link_surfaces
 from skeleton.hitboxes import INSIDE
 from skeleton.links import in_neutral_pose
 from skeleton.measures import signed_distance, volume
-from skeleton.shapes import Box, Shape, Sphere, TaperedCapsule
+from skeleton.shapes import Box, Cylinder, Ellipsoid, Plane, Shape, Sphere, TaperedCapsule
 from skeleton.solid_files import read_solids
 
 QUANTILE = 0.98
@@ -406,6 +405,24 @@ PAIRS = {
             rotation_wxyz=np.array([0.8, 0.0, 0.6, 0.0]),
         ),
     ),
+    "capsule and cylinder": (
+        Capsule("hand", HAND, np.array([0.0, 0.05, 0.0]), np.array([0.1, 0.0, 0.02]), 0.05),
+        Cylinder(name="thigh", bone=THIGH, start=np.array([0, 0.05, -0.3]), end=np.array([0.05, 0, 0.1]), radius=0.06),
+    ),
+    "sphere and ellipsoid": (
+        Sphere(name="hand", bone=HAND, center=np.array([0.02, 0.0, 0.05]), radius=0.06),
+        Ellipsoid(
+            name="thigh",
+            bone=THIGH,
+            center=np.array([0.0, 0.05, -0.1]),
+            radii=np.array([0.06, 0.05, 0.2]),
+            rotation_wxyz=np.array([0.8, 0.0, 0.6, 0.0]),
+        ),
+    ),
+    "sphere and plane": (
+        Sphere(name="hand", bone=HAND, center=np.array([0.02, 0.0, 0.05]), radius=0.06),
+        Plane(name="floor", point=np.array([0.0, 0.0, -1.5]), normal=np.array([0.1, 0.0, 2.0])),
+    ),
     "capsule of no length and tapered capsule that is a sphere": (
         Capsule("hand", HAND, np.full(3, 0.02), np.full(3, 0.02), 0.05),
         TaperedCapsule(name="thigh", bone=THIGH, end=np.array([0.0, 0.0, 0.02]), start_radius=0.1, end_radius=0.05),
@@ -460,17 +477,10 @@ def test_pinocchio_measures_the_distances_that_brute_force_finds(pair: str, pose
     slack = sum(0.005 * max(s.start_radius, s.end_radius) for s in (first, second) if isinstance(s, TaperedCapsule))
     assert expected - COARSE - slack <= distance <= expected + ROUNDING
     assert not pin.computeCollisions(body.model, data, geometry, geometry_data, configuration, False)
-    larger = [first, replace(second, **grown_by(second, distance + 0.002))]
+    larger = [first.grown(distance + 0.002), second]  # which is a round one, that grows as far in all directions
     geometry = add_to_geometry_model(larger, body)
     geometry.addAllCollisionPairs()
     assert pin.computeCollisions(body.model, data, geometry, geometry.createData(), configuration, False)
-
-
-def grown_by(solid: Shape, more: float) -> dict:
-    if isinstance(solid, Box):
-        return {"half_sizes": solid.half_sizes + more}
-    labels = ("start_radius", "end_radius") if isinstance(solid, TaperedCapsule) else ("radius",)
-    return {label: getattr(solid, label) + more for label in labels}
 
 
 def test_hitboxes_join_a_geometry_model_that_is_there():

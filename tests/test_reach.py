@@ -51,7 +51,9 @@ def any_collider(rng: np.random.Generator, name: str, bone: str | None) -> cape.
         cape.Sphere(name=name, bone=bone, center=place, radius=size, thickness=own),
         cape.Box(name=name, bone=bone, center=place, half_sizes=rng.uniform(0.05, 0.3, 3), thickness=own),
         cape.Plane(name=name, bone=bone, point=place, normal=-place + 0.5 * axis, thickness=own),
-    ][rng.integers(5)]
+        cape.Cylinder(name=name, bone=bone, start=place, end=place + axis, radius=size, thickness=own),
+        cape.Ellipsoid(name=name, bone=bone, center=place, radii=rng.uniform(0.05, 0.3, 3), thickness=own),
+    ][rng.integers(7)]
 
 
 def distances_over_time(

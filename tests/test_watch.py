@@ -12,13 +12,23 @@ from shapes import FloatArray, collide, moving, record, reference_distance, tape
 from cape.kernels import frame, watch
 from cape.kernels.faces import PIERCED, SEEN, SHARE
 from cape.kernels.records import MotionRoom, State
-from cape.kernels.shapes import MOMENT, Boxes, Capsules, Faces, Planes, Shapes, TaperedCapsules
+from cape.kernels.shapes import (
+    MOMENT,
+    Boxes,
+    Capsules,
+    Cylinders,
+    Ellipsoids,
+    Faces,
+    Planes,
+    Shapes,
+    TaperedCapsules,
+)
 from cape.kernels.watch import GAIN, TILE
 from motions import quaternions
 
 FRAME = 1.0 / 60.0  # s
 THICKNESS = 0.005  # m
-KINDS = (Capsules, TaperedCapsules, Boxes, Planes)
+KINDS = (Capsules, TaperedCapsules, Boxes, Planes, Cylinders, Ellipsoids)
 every_kind = pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.__name__)
 
 
@@ -28,6 +38,10 @@ def random_sizes(kind: type[Shapes], rng: np.random.Generator) -> tuple[float, .
     if kind is TaperedCapsules:
         return tapered_sizes(0.3, rng.uniform(0.02, 0.1), rng.uniform(0.02, 0.1))
     if kind is Boxes:
+        return (*rng.uniform(0.02, 0.1, 3), 0.0)
+    if kind is Cylinders:
+        return (*rng.uniform(0.02, 0.1, 2), 0.0, 0.0)
+    if kind is Ellipsoids:
         return (*rng.uniform(0.02, 0.1, 3), 0.0)
     return (0.0, 0.0, 0.0, 0.0)
 

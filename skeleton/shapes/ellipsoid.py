@@ -37,8 +37,8 @@ FLAT = 1e-16
 """Distance from the plane across the smallest radius, in smallest radii, up to which a point counts as on it."""
 STEPS = 64
 """Most of Newton's method; 5 for nearly all points, 40 near the edge of the flat region of section 3.7."""
-ARRIVED = 4e-16
-"""Relative change in a step of it below which it has converged."""
+ARRIVED = 1e-9
+"""Relative change in a step of it below which it has converged: what is then left is about the square of it."""
 LEAST = 1e-300
 """Stands in for a divisor of 0 below a dividend of 0."""
 HALVINGS = 64
@@ -63,14 +63,14 @@ def nearest(x, y, z, radius_x, radius_y, radius_z, _h):
     u = max(max(ax - kx, 0.0), max(ay - ky, az - kz))
     lack = 0.0
     for _ in range(STEPS):
-        dx, dy, dz = max(u + kx, LEAST), max(u + ky, LEAST), max(u + kz, LEAST)
-        px, py, pz = ax / dx, ay / dy, az / dz
+        ix, iy, iz = 1.0 / max(u + kx, LEAST), 1.0 / max(u + ky, LEAST), 1.0 / max(u + kz, LEAST)
+        px, py, pz = ax * ix, ay * iy, az * iz
         px, py, pz = px * px, py * py, pz * pz
         total = px + py + pz
         if total <= 1.0:  # at the start, where the region is flat, or as good as there
             lack = 1.0 - total
             break
-        change = total * (math.sqrt(total) - 1.0) / (px / dx + py / dy + pz / dz)
+        change = total * (math.sqrt(total) - 1.0) / (px * ix + py * iy + pz * iz)
         u += change
         if change <= ARRIVED * u:
             break
