@@ -83,21 +83,19 @@ def ellipsoid_distance(points: FloatArray, radii: ArrayLike) -> FloatArray:
     The nearest of points on its surface, (r_x cos a cos b, r_y cos a sin b, r_z sin a), on ever finer grids. By
     symmetry an eighth of it will do, in which there is no other local minimum: the others are on other sides.
     """
-    half, shares, radii = np.pi / 2.0, np.linspace(0.0, 1.0, 33), np.asarray(radii, float)
-    found = np.empty(len(points))
-    for k, p in enumerate(np.abs(points)):
-        low, width, least = np.zeros(2), half, np.inf
-        for _ in range(30):
-            a, b = np.meshgrid(*(low[:, None] + width * shares), indexing="ij")
-            on = np.stack([np.cos(a) * np.cos(b), np.cos(a) * np.sin(b), np.sin(a)], axis=-1) * radii
-            off = np.linalg.norm(on - p, axis=-1)
-            place = np.unravel_index(off.argmin(), off.shape)
-            least = min(least, float(off[place]))
-            middle = np.array([a[place], b[place]])
-            width /= 2.5
-            low = np.clip(middle - width / 2.0, 0.0, half - width)
-        found[k] = -least if ((p / radii) ** 2).sum() < 1.0 else least
-    return found
+    radii, p = np.asarray(radii, float), np.abs(points)[:, None, None]
+    low, width, every = np.zeros((len(points), 2)), np.pi / 2.0, np.arange(len(points))
+    least, shares = np.full(len(points), np.inf), np.linspace(0.0, 1.0, 17)
+    for _ in range(28):  # down to angles of 1e-8, to which the distance answers with their square
+        a, b = low[:, :1, None] + width * shares[:, None], low[:, 1:, None] + width * shares
+        on = np.stack(np.broadcast_arrays(np.cos(a) * np.cos(b), np.cos(a) * np.sin(b), np.sin(a)), axis=-1) * radii
+        off = np.linalg.norm(on - p, axis=-1).reshape(len(points), -1)
+        best = off.argmin(axis=1)
+        least = np.minimum(least, off[every, best])
+        middle = low + width * shares[np.stack(np.divmod(best, len(shares)), axis=1)]
+        width /= 2.0
+        low = np.clip(middle - width / 2.0, 0.0, np.pi / 2.0 - width)
+    return np.where(((points / radii) ** 2).sum(axis=1) < 1.0, -least, least)
 
 
 def tapered_sizes(length: float, start_radius: float, end_radius: float) -> tuple[float, float, float, float]:

@@ -286,7 +286,7 @@ def test_the_distance_equals_the_reference_and_the_normal_is_of_length_one(shape
     kind, sizes = shape
     distance, normal = distance_from(kind, sizes, p)
     # The reference finds the place on an axis of up to 2 m to 1e-12, along which the distance changes at most as much.
-    # That of an ellipsoid finds angles to 1e-12, across which the distance doesn't change to first order.
+    # That of an ellipsoid finds angles to 1e-8, across which the distance doesn't change to first order.
     tolerance = 1e-11 if kind in (TaperedCapsules, Ellipsoids) else ROUNDING
     assert distance == pytest.approx(reference_distance(kind, sizes, p[None])[0], abs=tolerance)
     assert np.linalg.norm(normal) == pytest.approx(1.0, abs=ROUNDING)

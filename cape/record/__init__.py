@@ -10,7 +10,7 @@ What is in a recording, by entity path (an interface: scripts may rely on it):
 | skeleton | `/world/skeleton` | LineStrips3D | a strip from each bone's parent to the bone | radius, colour |
 | hitboxes | `/world/hitboxes` | Capsules3D | translations, quaternions | lengths, radii, colours, labels |
 | hitboxes | `/world/colliders/<name>` | Boxes3D, Ellipsoids3D | centre, quaternion, if a bone carries it | the rest |
-| hitboxes | `/world/colliders/<name>` | Mesh3D, Transform3D | where a tapered capsule or a cylinder is | its surface, colour, label |
+| hitboxes | `/world/colliders/<name>` | Mesh3D, Transform3D | where any other shape is | its surface, colour, label |
 | shells | `/world/shells`, `/world/shells/<name>` | the same, nameless | the same | the same, grown by the thickness |
 | contacts | `/world/contacts/points` | Points3D | places, colours by depth, class ids | size |
 | contacts | `/world/contacts/normals` | Arrows3D | origins, the normals 5 cm long | colour, radius |
