@@ -5,10 +5,10 @@ The kernels also run with the compiler off: NUMBA_DISABLE_JIT=1.
 
 import numpy as np
 import pytest
+from cape.kernels.records import State
 
 from cape.kernels.contact import contact
 from cape.kernels.contact.shapes import DISTANCES, Boxes, Capsules, Planes, TaperedCapsules
-from cape.kernels.records import State
 from motions import quaternions
 from tests.support.shapes import FloatArray, collide, moving, record, reference_distance, tapered_sizes
 

@@ -5,10 +5,10 @@ They also run with the compiler off: NUMBA_DISABLE_JIT=1.
 
 import numpy as np
 import pytest
+from cape.kernels.records import Attached, Motion, MotionRoom, State
 
 from cape.kernels.bones import blank_motion
 from cape.kernels.contact.shapes import MOMENT, Capsules, Planes, Shapes
-from cape.kernels.records import Attached, Motion, MotionRoom, State
 from cape.kernels.solve import attachments
 from motions import quaternions
 from tests.support.scenes import turn_about

@@ -5,12 +5,12 @@ They also run with the compiler off: NUMBA_DISABLE_JIT=1.
 
 import numpy as np
 import pytest
+from cape.kernels.records import MotionRoom, State
 
 from cape.kernels.cloth import measure
 from cape.kernels.contact import contact, pinch
 from cape.kernels.contact.shapes import Boxes, Capsules, Planes, Shapes, TaperedCapsules
 from cape.kernels.contact.watch import TILE
-from cape.kernels.records import MotionRoom, State
 from motions import quaternions
 from tests.support.scenes import turn_about
 from tests.support.shapes import (

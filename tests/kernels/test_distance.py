@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from cape.kernels.contact.distance import TINY
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from cape.kernels.contact.distance import TINY
 from cape.kernels.contact.shapes import DISTANCES, Boxes, Capsules, Planes, Shapes, TaperedCapsules
 from tests.support.shapes import FloatArray, reference_distance, tapered_sizes
 

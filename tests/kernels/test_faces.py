@@ -7,6 +7,7 @@ import itertools
 
 import numpy as np
 import pytest
+from cape.kernels.records import State
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,7 +16,6 @@ from cape.assembly.contact import STRETCHED, contacts_of
 from cape.kernels.contact import faces
 from cape.kernels.contact.shapes import MOMENT, Boxes, Capsules, Faces, Shapes, TaperedCapsules, place
 from cape.kernels.contact.watch import JOLT, NEVER, TILE
-from cape.kernels.records import State
 from cape.scene.colliders import TaperedCapsule
 from tests.support.scenes import grid_cloth
 from tests.support.shapes import FloatArray, moving, record, reference_distance, still, tapered_sizes

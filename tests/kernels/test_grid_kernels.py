@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cape.kernels.records import State
 
 from cape.kernels import baselines
 from cape.kernels.cloth import grid
-from cape.kernels.records import State
 
 ROWS, COLUMNS = 9, 7
 N = ROWS * COLUMNS

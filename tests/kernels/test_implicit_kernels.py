@@ -4,14 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cape.kernels.cloth.forces import compute_forces
+from cape.kernels.records import Motion, MotionRoom, State
 
 from cape.assembly.assemble import force_model, force_scratch
 from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
 from cape.kernels import bones
-from cape.kernels.cloth.forces import compute_forces
 from cape.kernels.implicit import conjugate_gradients, stages, stiffness
-from cape.kernels.records import Motion, MotionRoom, State
 from cape.scene.attachments import Attachment
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2

@@ -5,10 +5,10 @@ They also run with the compiler off: NUMBA_DISABLE_JIT=1.
 
 import numpy as np
 import pytest
+from cape.kernels.records import Motion, MotionRoom
 
 from cape.kernels import bones
 from cape.kernels.cloth import measure
-from cape.kernels.records import Motion, MotionRoom
 from cape.kernels.solve import euler
 from motions import quaternions
 

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from cape.kernels.records import MeshAir, MeshBends, MeshSprings, State
 
 from cape.assembly import mesh_links
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth, MeshCloth
 from cape.kernels.cloth import mesh
-from cape.kernels.records import MeshAir, MeshBends, MeshSprings, State
 
 # A few dozen operations on numbers near one, and sums of some twenty of them.
 ROUNDING = {np.float32: 2e-5, np.float64: 4e-14}

@@ -5,13 +5,13 @@ They also run with the compiler off: NUMBA_DISABLE_JIT=1.
 
 import numpy as np
 import pytest
+from cape.kernels.records import State
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from cape.assembly.self_contact import enlarged, keep, layers_of, put_back, surplus
 from cape.cloth.cloth import Cloth, MeshCloth
-from cape.kernels.records import State
 from cape.kernels.self_contact import closest, near_pairs, patches, self_contact
 from cape.scene.scene import Scene
 from cape.scene.self_contact import SelfContact

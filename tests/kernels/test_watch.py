@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from cape.kernels.records import MotionRoom, State
 
 from cape.kernels.contact import watch
 from cape.kernels.contact.faces import PIERCED, SEEN, SHARE
 from cape.kernels.contact.shapes import MOMENT, Boxes, Capsules, Faces, Planes, Shapes, TaperedCapsules
 from cape.kernels.contact.watch import GAIN, TILE
-from cape.kernels.records import MotionRoom, State
 from cape.kernels.solve import frame
 from motions import quaternions
 from tests.support.shapes import FloatArray, collide, moving, record, reference_distance, tapered_sizes

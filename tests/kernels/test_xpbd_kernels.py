@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from cape.kernels.records import Constraints, GridConstraints, State
+
 from cape.kernels.xpbd import formulas, mesh, xpbd
 from cape.kernels.xpbd import grid as xpbd_grid
 

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cape.kernels.records import Team
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cape.kernels.jit import driver
-from cape.kernels.records import Team
 from cape.kernels.team import BLOCK, GONE, LINE, meet, span
 from cape.solvers import threads as module
 from cape.solvers.threads import available_cores, cpu_quota, run

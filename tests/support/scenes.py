@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from cape.kernels.records import Motion, State
 from numpy.typing import ArrayLike, NDArray
 
 from cape.assembly.assemble import assemble
 from cape.assembly.springs import springs_of
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.cloth.fabric import Fabric
-from cape.kernels.records import Motion, State
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2, XPBD, BackwardEuler, Solver, SymplecticEuler
 

@@ -1,12 +1,12 @@
 """Signed distances from shapes, many points at once, sharing nothing with the package's own, and records by hand."""
 
 import numpy as np
+from cape.kernels.records import MotionRoom, State
 from numpy.typing import ArrayLike, NDArray
 
 from cape.kernels.contact import contact
 from cape.kernels.contact.shapes import COLLIDER, MOMENT, Boxes, Capsules, Planes, Shapes, TaperedCapsules
 from cape.kernels.contact.watch import TILE, measure_tiles
-from cape.kernels.records import MotionRoom, State
 
 FloatArray = NDArray[np.float64]
 
