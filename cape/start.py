@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly import putting_on
 from cape.scene.colliders import Collider, Plane
 from cape.scene.poses import Pose, poses_of, read_pose
 from cape.scene.scene import Scene
@@ -50,7 +51,7 @@ def check_start(scene: Scene, track: BoneTrack) -> tuple[Finding, ...]:
 
 def _held_points(scene: Scene, pose: Pose, start: FloatArray) -> list[tuple[str, NDArray[np.int64], FloatArray]]:
     """For each attachment the bone, the vertices, and where it holds them once the cloth is put on [m], (n, 3)."""
-    worn = wear.places_lifted(scene, pose, start)
+    worn = putting_on.places_lifted(scene, pose, start)
     held = []
     for attachment in scene.attachments:
         vertices = putting_on.held_by(scene, attachment, pose, start)

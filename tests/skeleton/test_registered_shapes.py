@@ -16,13 +16,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from cape.report.page import PENETRATION
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import cape
 from cape import record
 from cape.assembly.contact import contacts_of
+from cape.report.shown.page import PENETRATION
 from cape.results.penetration import crossings, penetration
 from motions import quaternions
 from motions.errors import FileError, UnknownNameError, ValueRangeError
