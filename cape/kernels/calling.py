@@ -7,7 +7,7 @@ import numpy as np
 
 from cape.kernels import store
 from cape.kernels.jit import Function
-from cape.kernels.packing import GroupKind
+from cape.kernels.packing import Arguments, GroupKind, Packed
 
 NUMBERS = {
     "int": np.dtype(np.int64),
@@ -44,6 +44,11 @@ class Entry:
         if self._several is not None:
             return room.view(np.uint8)[: self._several.itemsize].view(self._several)[0].item()
         return None
+
+
+def request_of(function: Function, *arguments: Any) -> store.Request:
+    """What a call of a function with such arguments needs compiled; nothing is called."""
+    return store.Request(function, (Packed(Arguments(arguments)).kind,), spread=True)
 
 
 def entry_of(function: Function, kind: GroupKind) -> Entry:

@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
 from cape.forces.registry import forces_of
+from cape.kernels.calling import request_of
 from cape.kernels.cloth.measure import kinetic_energy
 from cape.kernels.state import State
+from cape.kernels.store import Request
 
 FloatArray = NDArray[np.float64]
 
@@ -24,6 +26,11 @@ class Energy(NamedTuple):
     def total(self) -> float:
         """All of it [J]."""
         return self.kinetic + self.elastic + self.potential
+
+
+def energy_request(assembly: Assembly, state: State) -> Request:
+    """The code that `energy_of` needs."""
+    return request_of(kinetic_energy, assembly.mass, state.vx, state.vy, state.vz)
 
 
 def energy_of(assembly: Assembly, state: State, origin: FloatArray) -> Energy:

@@ -1,6 +1,7 @@
 """Measures of a running cloth: strain, penetration, contacts, kinetic energy."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,10 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 from cape.assembly.assemble import Assembly
 from cape.assembly.contact import contacts_of, link_distances
 from cape.kernels.bones import MotionRoom
+from cape.kernels.calling import request_of
 from cape.kernels.cloth import measure
+from cape.kernels.contact.shapes import Colliders
 from cape.kernels.linking import Linker
 from cape.kernels.state import State
+from cape.kernels.store import Request
 from cape.measure.contact_points import ContactPoints
+from cape.measure.energy import energy_request
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 
@@ -51,12 +56,24 @@ class Meter:
         chosen = springs.measured
         self._first, self._second, self._rest = springs.first[chosen], springs.second[chosen], springs.rest[chosen]
         self._colliders = contacts_of(self.scene, assembly.cloth, assembly.free).colliders
+        self._linker = Linker()
         if self._colliders is not None:
-            linker = Linker()
-            link_distances(self.scene, self._colliders, None, linker)
-            linker.link()
+            link_distances(self.scene, self._colliders, None, self._linker)
         self._bones = MotionRoom.blank(len(self.scene.bones) + 1)
         self._room = _ContactRoom(ROOM)
+
+    def requests(self, state: State) -> list[Request]:
+        """The code that reading such a state needs, to be compiled together with other code."""
+        found = [
+            *self._linker.requests,
+            request_of(measure.strain, *self._strain_of(state)),
+            energy_request(self._assembly, state),
+        ]
+        if self._colliders is not None:
+            bones = len(self.scene.bones) + 1
+            touch = self._touch(self._colliders, state, Pose(np.zeros((bones, 3)), np.zeros((bones, 4))))
+            found.append(request_of(measure.touching, touch))
+        return found
 
     def read(self, state: State, pose: Pose, *, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Reading:
         """Measure a state.
@@ -66,7 +83,8 @@ class Meter:
             pose: of the scene's bones, and of the world as the last one, about `origin`.
             origin: that positions refer to, in the world [m], shape (3,).
         """
-        stretch = measure.strain(state.x, state.y, state.z, self._first, self._second, self._rest, self._histogram)
+        self._linker.link()
+        stretch = measure.strain(*self._strain_of(state))
         penetration, collider, count = self._touching(state, pose)
         return Reading(
             stretch=float(stretch),
@@ -91,15 +109,18 @@ class Meter:
         if self._colliders is None:
             return 0.0, -1, 0
         while True:
-            vertices, colliders, places = self._room.arrays
-            touch = measure.Touch(
-                state, self._assembly.free, self._colliders, self._bones, pose.positions, pose.rotations_wxyz,
-                vertices, colliders, places,
-            )  # fmt: skip
-            depth, which, count = measure.touching(touch)
+            depth, which, count = measure.touching(self._touch(self._colliders, state, pose))
             if count <= self._room.size:
                 return float(depth), int(which), int(count)
             self._room = _ContactRoom(2 * count)
+
+    def _strain_of(self, state: State) -> tuple[Any, ...]:
+        return state.x, state.y, state.z, self._first, self._second, self._rest, self._histogram
+
+    def _touch(self, colliders: Colliders, state: State, pose: Pose) -> measure.Touch:
+        return measure.Touch(
+            state, self._assembly.free, colliders, self._bones, pose.positions, pose.rotations_wxyz, *self._room.arrays
+        )
 
     def _in_scene(self, count: int, origin: FloatArray) -> ContactPoints:
         """The contacts in the room with the vertices as the scene numbers them, in the world."""

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from cape.assembly import putting_on, self_contact
 from cape.assembly.assemble import assemble
 from cape.kernels.bones import Motion
+from cape.kernels.calling import request_of
 from cape.kernels.cloth.measure import is_strained, whereabouts
 from cape.kernels.solve.journal import Journal
 from cape.kernels.state import State
+from cape.kernels.store import Request
 from cape.scene.jumps import rigid_motion
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene, require_held_once
@@ -134,6 +136,15 @@ class Hanging:
             self._running = solver.init(self.assembly, self.state)
         self._solver = solver
 
+    def requests(self, *, keeps_journal: bool = False) -> list[Request]:
+        """The code that a run needs, to be compiled together with other code."""
+        journals = [None, self._blank_journal(1)] if keeps_journal else [None]
+        return [
+            *(r for j in journals for r in self._solver.requests(self._running, self._threads, j)),
+            request_of(whereabouts, *self._whereabouts(FASTEST)),
+            request_of(is_strained, *self._strain()),
+        ]
+
     def settle(self, duration: float | None, velocity: FloatArray) -> None:
         """Bring the cloth to rest on bones that stand still, moving what they hold to where it is worn.
 
@@ -237,12 +248,15 @@ class Hanging:
     def advance(self, motion: Motion, duration: float, substeps: int) -> int:
         """Advance by `duration` [s], and tell how many solves did not converge."""
         if self.keeps_journal:
-            count, dtype = self.state.x.size, self.state.x.dtype
-            integrated, ended = np.empty((2, substeps, 6, count), dtype)
-            self.journal = Journal(integrated, ended, np.empty((substeps, count), np.bool_))
+            self.journal = self._blank_journal(substeps)
         return self._solver.step(
             self._running, motion, duration=duration, substeps=substeps, threads=self._threads, journal=self.journal
         )
+
+    def _blank_journal(self, substeps: int) -> Journal:
+        count, dtype = self.state.x.size, self.state.x.dtype
+        integrated, ended = np.empty((2, substeps, 6, count), dtype)
+        return Journal(integrated, ended, np.empty((substeps, count), np.bool_))
 
     def note_lift(self, duration: float) -> None:
         """Note how far what bones hold has drifted out of colliders in a frame of `duration` [s]."""
@@ -265,16 +279,22 @@ class Hanging:
 
         Notes where the cloth is, and whether it is strained.
         """
-        *center, sound = whereabouts(*self.state, FARTHEST_LEAP, FASTEST)
-        springs = self.assembly.springs
+        *center, sound = whereabouts(*self._whereabouts(FASTEST))
         self._center = np.array(center)
-        self.strained = bool(is_strained(*self.state[:3], springs.first, springs.second, springs.rest, STRAINED))
+        self.strained = bool(is_strained(*self._strain()))
         return sound
 
     def whirls(self) -> bool:
         """Tell whether any vertex is faster than most motions make it; few are, and the step is then worth a check."""
-        *_, slow = whereabouts(*self.state, FARTHEST_LEAP, WILD)
+        *_, slow = whereabouts(*self._whereabouts(WILD))
         return not slow
+
+    def _whereabouts(self, fastest: float) -> tuple[Any, ...]:
+        return *self.state, FARTHEST_LEAP, fastest
+
+    def _strain(self) -> tuple[Any, ...]:
+        springs = self.assembly.springs
+        return *self.state[:3], springs.first, springs.second, springs.rest, STRAINED
 
     def moment(self) -> Moment:
         """A copy of what a frame changes."""

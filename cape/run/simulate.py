@@ -95,8 +95,7 @@ def simulate(
     steps = np.diff(track.times)
 
     started = time.perf_counter()
-    simulation.compile(poses[0])
-    simulation.read(simulation.meter(scene), all_poses[0])
+    simulation.compile(poses[0], measured=scene)
     compiled = time.perf_counter()
     velocity, spin = _first_motion(scene, track)
     simulation.start(poses[0], settle=settle, velocity=velocity, spin=spin)
