@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cape.cli.character import Character
+from cape.cli.compiling_told import telling
 from cape.results.take import Take
 from cape.run.auto import Auto
 from cape.run.simulate import SlowWarning, simulate
@@ -16,6 +17,8 @@ from cape.scene.jumps import Cuts
 from cape.scene.scene import Scene
 from cape.solvers import Solver
 from motions.errors import ValueRangeError
+
+BEFORE = "putting the cape on"
 
 
 def simulated(
@@ -57,5 +60,6 @@ def _progress(console: Console):
     """Show a bar with an estimate of the time left, on a terminal only."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty()) as progress:
-        task = progress.add_task("putting the cape on", total=None)
-        yield lambda done, of: progress.update(task, completed=done, total=of, description="simulating")
+        task = progress.add_task(BEFORE, total=None)
+        with telling.within(lambda text: progress.update(task, description=text or BEFORE)):
+            yield lambda done, of: progress.update(task, completed=done, total=of, description="simulating")
