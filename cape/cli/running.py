@@ -1,8 +1,10 @@
 """A simulation as a command runs it: with a bar on a terminal, and warnings as they come."""
 
+import importlib
 import sys
+import threading
 import warnings
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -37,10 +39,15 @@ def simulated(
     console = Console(stderr=True)
     for decision in who.decisions:
         console.print(f"{who.name}: {decision}", style="dim", highlight=False, soft_wrap=True)
-    with _told(console), _progress(console) as advance:
+    with _told(console), _loading("rerun.blueprint", "pyarrow.compute") as begin, _progress(console) as advance:
+
+        def progress(done: int, of: int) -> None:
+            begin()
+            advance(done, of)
+
         try:
             return simulate(
-                scene, who.track, solver=solver, cuts=cuts, check_steps=check_steps, name=who.name, progress=advance
+                scene, who.track, solver=solver, cuts=cuts, check_steps=check_steps, name=who.name, progress=progress
             )
         except Diverged as error:
             raise ValueRangeError(f"the cape can't be put on: {error}") from error
@@ -53,6 +60,28 @@ def _told(console: Console):
         warnings.simplefilter("always", SlowWarning)
         warnings.showwarning = lambda message, *_, **__: console.print(str(message), highlight=False, soft_wrap=True)
         yield
+
+
+@contextmanager
+def _loading(*modules: str):
+    """Give what begins to import modules that are needed afterwards: compiled code leaves the interpreter to them."""
+
+    def load() -> None:
+        for module in modules:
+            with suppress(Exception):  # whoever needs it will tell
+                importlib.import_module(module)
+
+    thread = threading.Thread(target=load, name="cape-loading")
+
+    def begin() -> None:
+        if thread.ident is None:
+            thread.start()
+
+    try:
+        yield begin
+    finally:
+        if thread.ident is not None:
+            thread.join()
 
 
 @contextmanager

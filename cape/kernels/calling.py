@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from cape.kernels import store
-from cape.kernels.jit import Function
+from cape.kernels.jit import COMPILER_OFF, Function
 from cape.kernels.packing import Arguments, GroupKind, Packed
 
 NUMBERS = {
@@ -28,6 +28,7 @@ class Entry:
     """A compiled function of one group of arguments; other threads may go on while it runs."""
 
     def __init__(self, code: store.Code) -> None:
+        """Call such code."""
         self._call = _PROTOTYPE(code.address)
         self._single = NUMBERS.get(code.returns) if isinstance(code.returns, str) else None
         self._several = None
@@ -46,9 +47,28 @@ class Entry:
         return None
 
 
-def request_of(function: Function, *arguments: Any) -> store.Request:
-    """What a call of a function with such arguments needs compiled; nothing is called."""
-    return store.Request(function, (Packed(Arguments(arguments)).kind,), spread=True)
+class Bound:
+    """A function with its arguments, to be called again and again; what is written to the arrays is seen.
+
+    Attributes:
+        request: what the call needs compiled.
+    """
+
+    def __init__(self, function: Function, *arguments: Any) -> None:
+        """Keep the arguments; nothing is compiled before the first call."""
+        self._function, self._arguments = function, arguments
+        self._packed = Packed(Arguments(arguments))
+        assert isinstance(self._packed.kind, GroupKind)
+        self.request = store.Request(function, (self._packed.kind,), spread=True)
+        self._entry: Entry | None = None
+
+    def __call__(self) -> Any:
+        """Call it."""
+        if COMPILER_OFF:
+            return self._function.python(*self._arguments)
+        if self._entry is None:
+            self._entry = entry_of(self._function, self._packed.kind)
+        return self._entry(self._packed.address)
 
 
 def entry_of(function: Function, kind: GroupKind) -> Entry:

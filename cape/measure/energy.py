@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
 from cape.forces.registry import forces_of
-from cape.kernels.calling import request_of
+from cape.kernels.calling import Bound
 from cape.kernels.cloth.measure import kinetic_energy
 from cape.kernels.state import State
-from cape.kernels.store import Request
 
 FloatArray = NDArray[np.float64]
 
@@ -28,9 +27,9 @@ class Energy(NamedTuple):
         return self.kinetic + self.elastic + self.potential
 
 
-def energy_request(assembly: Assembly, state: State) -> Request:
-    """The code that `energy_of` needs."""
-    return request_of(kinetic_energy, assembly.mass, state.vx, state.vy, state.vz)
+def kinetic_energy_of(assembly: Assembly, state: State) -> Bound:
+    """What tells the kinetic energy [J] of a state whenever it is called."""
+    return Bound(kinetic_energy, assembly.mass, state.vx, state.vy, state.vz)
 
 
 def energy_of(assembly: Assembly, state: State, origin: FloatArray) -> Energy:

@@ -39,10 +39,10 @@ Summed over all vertices, and with minus the damping's work as what is dissipate
     change of kinetic + elastic + potential = attachments + contacts + air - damping + numerical + moved + residual
 
 The work of f is taken from the solvers' own forces, elastic and potential energy from their definition
-(`measure.energy`). So the *residual* closes the books: it is what Simpson's rule misses of an energy's difference along the line from x0 to
-x1, of fifth order in x1 - x0 and none for gravity and linear springs, and it would be large if forces were not the
-gradients of the energies. *moved* is what jumps of the bones and `Simulation.disturb` do between frames, to which none
-of this applies.
+(`measure.energy`). So the *residual* closes the books: it is what Simpson's rule misses of an energy's difference along
+the line from x0 to x1, of fifth order in x1 - x0 and none for gravity and linear springs, and it would be large if
+forces were not the gradients of the energies. *moved* is what jumps of the bones and `Simulation.disturb` do between
+frames, to which none of this applies.
 """
 
 from dataclasses import dataclass, fields
@@ -58,7 +58,7 @@ from cape.kernels.solve.journal import Journal
 from cape.kernels.state import State
 from cape.kernels.store import Request
 from cape.kernels.team import Team
-from cape.measure.energy import Energy, energy_of, energy_request
+from cape.measure.energy import Energy, energy_of, kinetic_energy_of
 from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
@@ -146,7 +146,7 @@ class Ledger:
 
     def requests(self, assembly: Assembly, state: State) -> list[Request]:
         """The code that keeping the accounts of a cloth needs, to be compiled together with other code."""
-        return [*_Forces(assembly).requests, energy_request(assembly, state)]
+        return [*_Forces(assembly).requests, kinetic_energy_of(assembly, state).request]
 
     def begin(self, assembly: Assembly, state: State, origin: FloatArray, *, sweeps: bool) -> None:
         """Forget all, and begin with a cloth as it is.

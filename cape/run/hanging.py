@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cape.assembly import putting_on, self_contact
 from cape.assembly.assemble import assemble
 from cape.kernels.bones import Motion
-from cape.kernels.calling import request_of
+from cape.kernels.calling import Bound
 from cape.kernels.cloth.measure import is_strained, whereabouts
 from cape.kernels.solve.journal import Journal
 from cape.kernels.state import State
@@ -87,7 +87,7 @@ class Hanging:
         require_held_once(held)
         self.assembly = assemble(scene, held, threads=threads)
         self.state = State.at_rest(self.assembly.inwards(positions), solver.dtype(self.assembly))
-        self._running = solver.init(self.assembly, self.state)
+        self._begin()
         self._worn, self._spread = putting_on.hold_points(self.assembly, self.pose, held, positions)
         self._center, self.strained = np.zeros(3), False
         self.keeps_journal = False
@@ -133,16 +133,25 @@ class Hanging:
         if replace(solver, substeps=None) != replace(self._solver, substeps=None):
             dtype = solver.dtype(self.assembly)
             self.state = State(*(component.astype(dtype) for component in self.state))
-            self._running = solver.init(self.assembly, self.state)
+            self._solver = solver
+            self._begin()
         self._solver = solver
+
+    def _begin(self) -> None:
+        """Set out with the solver and the state that there are."""
+        springs = self.assembly.springs
+        self._running = self._solver.init(self.assembly, self.state)
+        self._sound = Bound(whereabouts, *self.state, FARTHEST_LEAP, FASTEST)
+        self._slow = Bound(whereabouts, *self.state, FARTHEST_LEAP, WILD)
+        self._strain = Bound(is_strained, *self.state[:3], springs.first, springs.second, springs.rest, STRAINED)
 
     def requests(self, *, keeps_journal: bool = False) -> list[Request]:
         """The code that a run needs, to be compiled together with other code."""
         journals = [None, self._blank_journal(1)] if keeps_journal else [None]
         return [
             *(r for j in journals for r in self._solver.requests(self._running, self._threads, j)),
-            request_of(whereabouts, *self._whereabouts(FASTEST)),
-            request_of(is_strained, *self._strain()),
+            self._sound.request,
+            self._strain.request,
         ]
 
     def settle(self, duration: float | None, velocity: FloatArray) -> None:
@@ -279,22 +288,15 @@ class Hanging:
 
         Notes where the cloth is, and whether it is strained.
         """
-        *center, sound = whereabouts(*self._whereabouts(FASTEST))
+        *center, sound = self._sound()
         self._center = np.array(center)
-        self.strained = bool(is_strained(*self._strain()))
+        self.strained = bool(self._strain())
         return sound
 
     def whirls(self) -> bool:
         """Tell whether any vertex is faster than most motions make it; few are, and the step is then worth a check."""
-        *_, slow = whereabouts(*self._whereabouts(WILD))
+        *_, slow = self._slow()
         return not slow
-
-    def _whereabouts(self, fastest: float) -> tuple[Any, ...]:
-        return *self.state, FARTHEST_LEAP, fastest
-
-    def _strain(self) -> tuple[Any, ...]:
-        springs = self.assembly.springs
-        return *self.state[:3], springs.first, springs.second, springs.rest, STRAINED
 
     def moment(self) -> Moment:
         """A copy of what a frame changes."""

@@ -73,7 +73,7 @@ class Solver(ABC):
     def units(self, thread: Thread, linker: Linker) -> Order:
         """What one thread does in a frame; programs within programs are made by the linker."""
 
-    def begin(self, running: Running) -> None:
+    def begin(self, running: Running) -> None:  # noqa: B027
         """Prepare for a frame."""
 
     def unconverged(self, running: Running) -> int:

@@ -55,7 +55,7 @@ def _usual_requests(who: Character) -> list[Request]:
 
 
 def _all_requests(who: Character) -> Iterator[Request]:
-    """What commands may ask for: capes as they are dressed, on any solids or none, with every solver, on any threads."""
+    """What commands may ask for: capes as they are dressed, on any solids or none, with any solver, on any threads."""
     yield from _usual_requests(who)
     for self_contact in (False, True):
         scene = Cut(spacing=COARSE, self_contact=self_contact).scene(who)
