@@ -133,8 +133,8 @@ def _file_of(module: str) -> Path | None:
     for path in (place.with_suffix(".py"), place / "__init__.py"):
         if path.exists():
             return path
-    loaded = sys.modules.get(module)
-    return Path(loaded.__file__) if loaded is not None and getattr(loaded, "__file__", None) else None
+    loaded = getattr(sys.modules.get(module), "__file__", None)
+    return None if loaded is None else Path(loaded)
 
 
 # -- on disk --
