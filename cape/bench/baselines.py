@@ -3,11 +3,15 @@
 Both take steps of no length, so that the numbers stay as they are however often they are worked through.
 """
 
+from typing import Any
+
 import numpy as np
 
 from cape.bench.subject import Subject
 from cape.bench.timing import Probe
 from cape.kernels.baselines import limit_step, scalar_step
+from cape.kernels.calling import Bound
+from cape.kernels.jit import Function
 
 UNITS = 1e5  # vertices times steps in a call
 STRANGERS = 256  # vertices of the limit's rows, in the first cache
@@ -34,6 +38,15 @@ class Loop(Probe):
             self._bend_stiffness = springs.bend_stiffness.astype(dtype)
             self._bend_damping = dtype(fabric.bend_damping_time) if fabric.bend_damping_time else None
 
+    def _bind(self, loop: Function, *arguments: Any) -> None:
+        """Take the loop, and its arguments after the number of substeps."""
+        self._call = Bound(loop, self._substeps, *arguments)
+        self.requests = [self._call.request]
+
+    def call(self) -> None:
+        """Take substeps."""
+        self._call()
+
     def prepare(self) -> None:
         """Nothing: no time passes."""
 
@@ -48,15 +61,11 @@ class Scalar(Loop):
         """Add the ends of the springs."""
         super().__init__(subject)
         bent = None if self._coefficients is None else self._springs.bend_vertices
-        self._arguments = (
-            *self._weights, self._springs.first, self._springs.second, *self._stiffness, self._damping,
+        self._bind(
+            scalar_step, *self._weights, self._springs.first, self._springs.second, *self._stiffness, self._damping,
             bent, self._coefficients, self._bend_stiffness, self._bend_damping,
             *np.zeros((3, self.vertices), self._dtype), *self._state,
         )  # fmt: skip
-
-    def call(self) -> None:
-        """Take substeps."""
-        scalar_step(self._substeps, *self._arguments)
 
 
 class Limit(Loop):
@@ -69,11 +78,7 @@ class Limit(Loop):
         strangers = np.stack([self._state[:, :STRANGERS]] * rows)
         strangers[1:] += self._dtype(APART)
         coefficients = None if self._coefficients is None else np.ascontiguousarray(self._coefficients.T)
-        self._arguments = (
-            *self._weights, *self._stiffness, self._damping, coefficients, self._bend_stiffness, self._bend_damping,
-            np.zeros((rows, 3, strangers.shape[2]), self._dtype), strangers,
+        self._bind(
+            limit_step, *self._weights, *self._stiffness, self._damping, coefficients, self._bend_stiffness,
+            self._bend_damping, np.zeros((rows, 3, strangers.shape[2]), self._dtype), strangers,
         )  # fmt: skip
-
-    def call(self) -> None:
-        """Take substeps."""
-        limit_step(self._substeps, *self._arguments)

@@ -33,7 +33,7 @@ class Row(Figures):
             implicit solver is one of its few steps, in which equations are solved.
         ratio_to_scalar: how many times faster than the scalar loop on the same cloth; None where that does not apply.
         ratio_to_limit: how many times slower than the limit kernel on the same cloth; None where that does not apply.
-        compile_s: what the first call took beyond a later one [s]: to compile, or to load from the cache.
+        compile_s: to compile, shared by number of pieces where several rows do that at once, and to load [s].
     """
 
     section: str

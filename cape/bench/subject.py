@@ -29,11 +29,12 @@ class Subject(Probe):
     Attributes:
         assembly: the scene's arrays.
         solver: the solver.
-        room: what its steps share.
         state: of the cloth.
+        running: the solver at work on it.
         frame_substeps: in a frame of a 60th of a second.
         substeps: in a call.
         threads: that share the cloth.
+        code: that its steps are made of.
     """
 
     def __init__(
@@ -58,10 +59,10 @@ class Subject(Probe):
         """
         self.solver, self.threads = solver, threads
         self.assembly, scene = assembly, assembly.scene
-        self.room = solver.init(self.assembly)
         self.state = State.at_rest(assembly.cloth.positions, solver.dtype(assembly))
+        self.running = solver.init(assembly, self.state)
         frame = 1.0 / FPS
-        chosen = solver.choose_substeps(self.room, frame)
+        chosen = solver.choose_substeps(self.running, frame)
         most = max(FEWEST_SUBSTEPS, int(MOST_UNITS / self.assembly.cloth.vertices))
         self.frame_substeps, self.substeps = chosen, min(chosen, most)
         self.units = float(self.assembly.cloth.vertices * self.substeps)
@@ -71,6 +72,8 @@ class Subject(Probe):
         self._frame, self._begin, self._warm = 0, 0, warm
         self._start = self._copy()
         self._meter = Meter(self.assembly) if read else None
+        self.code = frozenset(solver.requests(self.running, threads))
+        self.requests = [*self.code, *([] if self._meter is None else self._meter.requests(self.state))]
 
     @property
     def substep(self) -> float:
@@ -92,10 +95,7 @@ class Subject(Probe):
         positions, rotations = self._poses
         k = self._frame % (len(positions) - 1)
         motion = Motion(positions[k], rotations[k], positions[k + 1], rotations[k + 1])
-        self.solver.step(
-            self.assembly, self.room, self.state, motion,
-            duration=self._duration, substeps=self.substeps, threads=self.threads,
-        )  # fmt: skip
+        self.solver.step(self.running, motion, duration=self._duration, substeps=self.substeps, threads=self.threads)
         self._frame += 1
         if self._meter is not None:
             self._meter.read(self.state, Pose(positions[k + 1], rotations[k + 1]))

@@ -13,7 +13,9 @@ def main() -> None:
     from typer.exceptions import TyperException
 
     from cape.cli.app import app
+    from cape.cli.compiling_told import tell, telling
 
+    tell()
     command = typer.main.get_command(app)
     interrupted: list[int] = []
 
@@ -37,6 +39,8 @@ def main() -> None:
         if not interrupted:
             raise
         status = 130
+    finally:
+        telling.close()
     sys.exit(status if isinstance(status, int) else 0)
 
 

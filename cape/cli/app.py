@@ -235,6 +235,19 @@ def info(
     return run(reading, hitboxes=which, json=json)
 
 
+@app.command("warm-up")
+def warm_up(
+    everything: Annotated[
+        bool, typer.Option("--all", help="All that any command but bench and report may need, for minutes.")
+    ] = False,
+    json: Json = False,
+) -> int:
+    """Compile ahead what cape replay needs on this machine, as its first run would."""
+    from cape.cli.commands.warm_up import run
+
+    return run(everything=everything, json=json)
+
+
 @app.command()
 def bench(
     quick: Annotated[bool, typer.Option("--quick", help="Fewer sizes and shorter runs.")] = False,

@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from cape.cli.compiling_told import telling
 from motions.errors import FileError
 
 
@@ -31,9 +32,13 @@ def sections():
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty()) as progress:
         task = progress.add_task("", total=None)
+        known = ""
 
         def told(section: str, steps: int) -> Callable[[], None]:
+            nonlocal known
+            known = section
             progress.reset(task, description=section, total=steps)
             return lambda: progress.advance(task)
 
-        yield told
+        with telling.within(lambda text: progress.update(task, description=text or known)):
+            yield told

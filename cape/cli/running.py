@@ -1,13 +1,16 @@
 """A simulation as a command runs it: with a bar on a terminal, and warnings as they come."""
 
+import importlib
 import sys
+import threading
 import warnings
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from cape.cli.character import Character
+from cape.cli.compiling_told import telling
 from cape.results.take import Take
 from cape.run.auto import Auto
 from cape.run.simulate import SlowWarning, simulate
@@ -16,6 +19,8 @@ from cape.scene.jumps import Cuts
 from cape.scene.scene import Scene
 from cape.solvers import Solver
 from motions.errors import ValueRangeError
+
+BEFORE = "putting the cape on"
 
 
 def simulated(
@@ -34,10 +39,15 @@ def simulated(
     console = Console(stderr=True)
     for decision in who.decisions:
         console.print(f"{who.name}: {decision}", style="dim", highlight=False, soft_wrap=True)
-    with _told(console), _progress(console) as advance:
+    with _told(console), _loading("rerun.blueprint", "pyarrow.compute") as begin, _progress(console) as advance:
+
+        def progress(done: int, of: int) -> None:
+            begin()
+            advance(done, of)
+
         try:
             return simulate(
-                scene, who.track, solver=solver, cuts=cuts, check_steps=check_steps, name=who.name, progress=advance
+                scene, who.track, solver=solver, cuts=cuts, check_steps=check_steps, name=who.name, progress=progress
             )
         except Diverged as error:
             raise ValueRangeError(f"the cape can't be put on: {error}") from error
@@ -53,9 +63,32 @@ def _told(console: Console):
 
 
 @contextmanager
+def _loading(*modules: str):
+    """Give what begins to import modules that are needed afterwards: compiled code leaves the interpreter to them."""
+
+    def load() -> None:
+        for module in modules:
+            with suppress(Exception):  # whoever needs it will tell
+                importlib.import_module(module)
+
+    thread = threading.Thread(target=load, name="cape-loading")
+
+    def begin() -> None:
+        if thread.ident is None:
+            thread.start()
+
+    try:
+        yield begin
+    finally:
+        if thread.ident is not None:
+            thread.join()
+
+
+@contextmanager
 def _progress(console: Console):
     """Show a bar with an estimate of the time left, on a terminal only."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty()) as progress:
-        task = progress.add_task("putting the cape on", total=None)
-        yield lambda done, of: progress.update(task, completed=done, total=of, description="simulating")
+        task = progress.add_task(BEFORE, total=None)
+        with telling.within(lambda text: progress.update(task, description=text or BEFORE)):
+            yield lambda done, of: progress.update(task, completed=done, total=of, description="simulating")

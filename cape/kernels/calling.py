@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from cape.kernels import store
-from cape.kernels.jit import Function
-from cape.kernels.packing import GroupKind
+from cape.kernels.jit import COMPILER_OFF, Function
+from cape.kernels.packing import Arguments, GroupKind, Packed
 
 NUMBERS = {
     "int": np.dtype(np.int64),
@@ -45,6 +45,30 @@ class Entry:
         if self._several is not None:
             return room.view(np.uint8)[: self._several.itemsize].view(self._several)[0].item()
         return None
+
+
+class Bound:
+    """A function with its arguments, to be called again and again; what is written to the arrays is seen.
+
+    Attributes:
+        request: what the call needs compiled.
+    """
+
+    def __init__(self, function: Function, *arguments: Any) -> None:
+        """Keep the arguments; nothing is compiled before the first call."""
+        self._function, self._arguments = function, arguments
+        self._packed = Packed(Arguments(arguments))
+        assert isinstance(self._packed.kind, GroupKind)
+        self.request = store.Request(function, (self._packed.kind,), spread=True)
+        self._entry: Entry | None = None
+
+    def __call__(self) -> Any:
+        """Call it."""
+        if COMPILER_OFF:
+            return self._function.python(*self._arguments)
+        if self._entry is None:
+            self._entry = entry_of(self._function, self._packed.kind)
+        return self._entry(self._packed.address)
 
 
 def entry_of(function: Function, kind: GroupKind) -> Entry:

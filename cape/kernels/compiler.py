@@ -192,14 +192,18 @@ class _Library(codegen.JITCodeLibrary):
         self._finalized = True
 
     def link_and_optimise(self) -> llvm.ModuleRef:
-        seen: set[Any] = set()
-        waiting = list(self._linking_libraries)
-        while waiting:
-            library = waiting.pop()
-            if library not in seen:
-                seen.add(library)
-                self._final_module.link_in(library._get_module_for_linking(), preserve=True)
-                waiting += library._linking_libraries if isinstance(library, _Library) else ()
+        order: dict[Any, None] = {}  # who is called before who calls
+
+        def visit(library: Any) -> None:
+            for called in library._linking_libraries if isinstance(library, _Library) else ():
+                if called not in order:
+                    visit(called)
+            order[library] = None
+
+        visit(self)
+        # Who calls comes first: of what nothing calls yet LLVM takes nothing.
+        for library in list(reversed(order))[1:]:
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         passes, builder = self._codegen._module_pass_manager()
         passes.run(self._final_module, builder)
         return self._final_module

@@ -48,12 +48,17 @@ class Linker:
         """Make what advances a cloth by a frame."""
         return Frame(self, self.program(begin), self.program(substep), team)
 
+    @property
+    def requests(self) -> list[store.Request]:
+        """What `link` will ask for."""
+        return [request for request, _ in self._wanted]
+
     def link(self) -> None:
         """Find the code of all programs made so far, compiling what is not there."""
-        wanted, self._wanted = self._wanted, []
-        store.prepare([request for request, _ in wanted])
-        for request, ready in wanted:
+        store.prepare(self.requests)
+        for request, ready in self._wanted:
             ready(store.code_of(request).address)
+        self._wanted = []
 
     def _pack(self, group: Any) -> Packed:
         packed = self._packed.get(id(group))

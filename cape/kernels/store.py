@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 
-from cape.kernels.jit import Function
+from cape.kernels.jit import COMPILER_OFF, Function
 from cape.kernels.packing import Kind
 
 log = logging.getLogger("cape.compiling")
@@ -133,9 +133,8 @@ def _file_of(module: str) -> Path | None:
     for path in (place.with_suffix(".py"), place / "__init__.py"):
         if path.exists():
             return path
-    loaded = sys.modules.get(module)
-    named = getattr(loaded, "__file__", None)
-    return None if named is None else Path(named)
+    loaded = getattr(sys.modules.get(module), "__file__", None)
+    return None if loaded is None else Path(loaded)
 
 
 # -- on disk --
@@ -144,8 +143,8 @@ def _file_of(module: str) -> Path | None:
 @cache
 def folder() -> Path | None:
     """Where pieces are kept; None where nothing can be, which is said once."""
-    named = os.environ.get("NUMBA_CACHE_DIR")
-    place = Path(named or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "cape"
+    named = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    place = Path(named) / "cape"
     try:
         place.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=place):
@@ -167,20 +166,27 @@ def find(request: Request) -> Piece | None:
         return None
 
 
-def keep(request: Request, piece: Piece) -> None:
-    """Write a piece to the disk, whole or not at all."""
+def keep(request: Request, piece: Piece) -> bool:
+    """Write a piece to the disk, whole or not at all; tell whether it is there."""
     place = folder()
     if place is None:
-        return
+        return False
     path = place / request.file
     unfinished = path.with_name(f"{path.name}.{os.getpid()}.{threading.get_ident()}")
     try:
         unfinished.write_bytes(piece.pack())
         unfinished.replace(path)
     except OSError as error:
-        log.warning("compiled code could not be kept in %s: %s", place, error.strerror)
+        _warn_of_disk(place, error.strerror)
         with contextlib.suppress(OSError):
             unfinished.unlink()
+        return False
+    return True
+
+
+@cache
+def _warn_of_disk(place: Path, why: str | None) -> None:
+    log.warning("compiled code could not be kept in %s: %s", place, why)
 
 
 # -- in memory --
@@ -200,6 +206,7 @@ def code_of(request: Request) -> Code:
         with _lock:
             code = _loaded.get(request)
             if code is None:
+                prepare([request])
                 piece = find(request) or _pieces.pop(request, None) or compile_here(request)
                 code = _loaded[request] = _load(piece)
     return code
@@ -218,7 +225,7 @@ def compile_here(request: Request) -> Piece:
 def make(request: Request) -> None:
     """Compile a request, to be loaded by whoever asks for it."""
     piece = compile_here(request)
-    if folder() is None:
+    if not is_ready(request):
         _pieces[request] = piece
 
 
@@ -254,9 +261,17 @@ def _load(piece: Piece) -> Code:
 
 def prepare(requests: Sequence[Request]) -> None:
     """Have all of some requests compiled, those that are missing on all cores at once."""
-    todo = missing(requests)
+    todo = [] if COMPILER_OFF else missing(requests)
     if not todo:
         return
     from cape.kernels import compiling
 
     compiling.compile_all(todo)
+
+
+def load(requests: Sequence[Request]) -> None:
+    """Have all of some requests compiled and in memory."""
+    prepare(requests)
+    if not COMPILER_OFF:
+        for request in requests:
+            code_of(request)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
 from cape.forces.registry import forces_of
+from cape.kernels.calling import Bound
 from cape.kernels.cloth.measure import kinetic_energy
 from cape.kernels.state import State
 
@@ -24,6 +25,11 @@ class Energy(NamedTuple):
     def total(self) -> float:
         """All of it [J]."""
         return self.kinetic + self.elastic + self.potential
+
+
+def kinetic_energy_of(assembly: Assembly, state: State) -> Bound:
+    """What tells the kinetic energy [J] of a state whenever it is called."""
+    return Bound(kinetic_energy, assembly.mass, state.vx, state.vy, state.vz)
 
 
 def energy_of(assembly: Assembly, state: State, origin: FloatArray) -> Energy:

@@ -56,8 +56,9 @@ from cape.forces.registry import forces_of
 from cape.kernels.linking import Frame, Linker
 from cape.kernels.solve.journal import Journal
 from cape.kernels.state import State
+from cape.kernels.store import Request
 from cape.kernels.team import Team
-from cape.measure.energy import Energy, energy_of
+from cape.measure.energy import Energy, energy_of, kinetic_energy_of
 from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
@@ -143,6 +144,10 @@ class Ledger:
         energies, sums = np.array(self._energies).T, np.stack(self._sums).T
         return Balance(np.array(self._times), *energies, *sums)
 
+    def requests(self, assembly: Assembly, state: State) -> list[Request]:
+        """The code that keeping the accounts of a cloth needs, to be compiled together with other code."""
+        return [*_Forces(assembly).requests, kinetic_energy_of(assembly, state).request]
+
     def begin(self, assembly: Assembly, state: State, origin: FloatArray, *, sweeps: bool) -> None:
         """Forget all, and begin with a cloth as it is.
 
@@ -220,7 +225,13 @@ class _Forces:
         count = assembly.cloth.vertices
         self._state = State(*np.zeros((6, count)))
         self._forces = np.zeros((3, count))
+        self._linker = Linker()
         self._programs = {account: self._program(account) for account in ("elastic", "air")}
+
+    @property
+    def requests(self) -> list[Request]:
+        """The code that is not linked yet."""
+        return self._linker.requests
 
     def _program(self, account: str) -> Frame | None:
         """What computes the forces of an account at `_state`; None where there are none."""
@@ -229,12 +240,7 @@ class _Forces:
         for force in forces_of(self.assembly.scene):
             if force.account == account:
                 uses += force.uses(acting, force.arrays(self.assembly, np.float64))
-        if not uses:
-            return None
-        linker = Linker()
-        frame = linker.frame([], uses, Team.alone(len(self._state.x)))
-        linker.link()
-        return frame
+        return self._linker.frame([], uses, Team.alone(len(self._state.x))) if uses else None
 
     def at(self, state: FloatArray) -> FloatArray:
         """Springs and weight, damping, and air [N] at a state (6, N); shape (3, 3, N)."""
@@ -254,6 +260,7 @@ class _Forces:
         self._forces[:] = 0.0
         program = self._programs[account]
         if program is not None:
+            self._linker.link()
             for component, values in zip(self._state, state, strict=True):
                 component[:] = values
             program.run(1, 1.0)

@@ -1,6 +1,7 @@
 """Measures of a running cloth: strain, penetration, contacts, kinetic energy."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,10 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 from cape.assembly.assemble import Assembly
 from cape.assembly.contact import contacts_of, link_distances
 from cape.kernels.bones import MotionRoom
+from cape.kernels.calling import Bound
 from cape.kernels.cloth import measure
 from cape.kernels.linking import Linker
 from cape.kernels.state import State
+from cape.kernels.store import Request
 from cape.measure.contact_points import ContactPoints
+from cape.measure.energy import kinetic_energy_of
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 
@@ -51,12 +55,18 @@ class Meter:
         chosen = springs.measured
         self._first, self._second, self._rest = springs.first[chosen], springs.second[chosen], springs.rest[chosen]
         self._colliders = contacts_of(self.scene, assembly.cloth, assembly.free).colliders
+        self._linker = Linker()
         if self._colliders is not None:
-            linker = Linker()
-            link_distances(self.scene, self._colliders, None, linker)
-            linker.link()
-        self._bones = MotionRoom.blank(len(self.scene.bones) + 1)
+            link_distances(self.scene, self._colliders, None, self._linker)
+        bones = len(self.scene.bones) + 1
+        self._bones = MotionRoom.blank(bones)
+        self._pose = Pose(np.zeros((bones, 3)), np.zeros((bones, 4)))
         self._room = _ContactRoom(ROOM)
+        self._calls: _Calls | None = None
+
+    def requests(self, state: State) -> list[Request]:
+        """The code that reading such a state needs, to be compiled together with other code."""
+        return [*self._linker.requests, *(call.request for call in self._calls_for(state)[1:] if call is not None)]
 
     def read(self, state: State, pose: Pose, *, origin: ArrayLike = (0.0, 0.0, 0.0)) -> Reading:
         """Measure a state.
@@ -66,14 +76,17 @@ class Meter:
             pose: of the scene's bones, and of the world as the last one, about `origin`.
             origin: that positions refer to, in the world [m], shape (3,).
         """
-        stretch = measure.strain(state.x, state.y, state.z, self._first, self._second, self._rest, self._histogram)
-        penetration, collider, count = self._touching(state, pose)
+        self._linker.link()
+        for kept, given in zip(self._pose, pose, strict=True):
+            kept[:] = given
+        stretch = self._calls_for(state).strain()
+        penetration, collider, count = self._touching(state)
         return Reading(
             stretch=float(stretch),
             penetration=penetration,
             collider=collider,
             contacts=self._in_scene(count, np.asarray(origin, dtype=float)),
-            kinetic_energy=float(measure.kinetic_energy(self._assembly.mass, state.vx, state.vy, state.vz)),
+            kinetic_energy=float(self._calls_for(state).kinetic_energy()),
         )
 
     def stretch_quantile(self, share: float) -> float:
@@ -83,23 +96,36 @@ class Meter:
             return 0.0
         return float((np.searchsorted(counts, share * counts[-1]) + 1) * measure.WIDEST / measure.BINS)
 
-    def _touching(self, state: State, pose: Pose) -> tuple[float, int, int]:
+    def _touching(self, state: State) -> tuple[float, int, int]:
         """Deepest penetration [m], the collider, -1 for none, and how many contacts there are in the room.
 
         Makes the room larger should they not fit.
         """
-        if self._colliders is None:
-            return 0.0, -1, 0
-        while True:
-            vertices, colliders, places = self._room.arrays
-            touch = measure.Touch(
-                state, self._assembly.free, self._colliders, self._bones, pose.positions, pose.rotations_wxyz,
-                vertices, colliders, places,
-            )  # fmt: skip
-            depth, which, count = measure.touching(touch)
+        while (touching := self._calls_for(state).touching) is not None:
+            depth, which, count = touching()
             if count <= self._room.size:
                 return float(depth), int(which), int(count)
-            self._room = _ContactRoom(2 * count)
+            self._room, self._calls = _ContactRoom(2 * count), None
+        return 0.0, -1, 0
+
+    def _calls_for(self, state: State) -> "_Calls":
+        """What measures a state; the same as before for one whose arrays have stayed."""
+        known = self._calls
+        if known is None or known.state is not state:
+            known = self._calls = _Calls(
+                state,
+                Bound(measure.strain, *state[:3], self._first, self._second, self._rest, self._histogram),
+                kinetic_energy_of(self._assembly, state),
+                None
+                if self._colliders is None
+                else Bound(
+                    measure.touching,
+                    measure.Touch(
+                        state, self._assembly.free, self._colliders, self._bones, *self._pose, *self._room.arrays
+                    ),
+                ),
+            )
+        return known
 
     def _in_scene(self, count: int, origin: FloatArray) -> ContactPoints:
         """The contacts in the room with the vertices as the scene numbers them, in the world."""
@@ -116,6 +142,15 @@ class Meter:
             colliders=colliders.astype(np.int32),
             vertices=(vertices if order is None else order[vertices]).astype(np.int32),
         )
+
+
+class _Calls(NamedTuple):
+    """What measures a state; `touching` is None where there are no colliders."""
+
+    state: State
+    strain: Bound
+    kinetic_energy: Bound
+    touching: Bound | None
 
 
 class _ContactRoom:

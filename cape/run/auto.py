@@ -118,6 +118,10 @@ class AutoSimulation(Simulation):
         return [] if self._watch is None else self._watch.errors
 
     @property
+    def _solvers(self) -> tuple[Solver, ...]:
+        return SymplecticEuler(), XPBD()
+
+    @property
     def allowed(self) -> float:
         """Error that a part of the motion may have [m]."""
         free = window_of(self.scene) == FREE_WINDOW

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from cape.assembly import putting_on, self_contact
 from cape.assembly.assemble import assemble
 from cape.kernels.bones import Motion
+from cape.kernels.calling import Bound
 from cape.kernels.cloth.measure import is_strained, whereabouts
 from cape.kernels.solve.journal import Journal
 from cape.kernels.state import State
+from cape.kernels.store import Request
 from cape.scene.jumps import rigid_motion
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene, require_held_once
@@ -85,7 +87,7 @@ class Hanging:
         require_held_once(held)
         self.assembly = assemble(scene, held, threads=threads)
         self.state = State.at_rest(self.assembly.inwards(positions), solver.dtype(self.assembly))
-        self._running = solver.init(self.assembly, self.state)
+        self._begin()
         self._worn, self._spread = putting_on.hold_points(self.assembly, self.pose, held, positions)
         self._center, self.strained = np.zeros(3), False
         self.keeps_journal = False
@@ -131,8 +133,26 @@ class Hanging:
         if replace(solver, substeps=None) != replace(self._solver, substeps=None):
             dtype = solver.dtype(self.assembly)
             self.state = State(*(component.astype(dtype) for component in self.state))
-            self._running = solver.init(self.assembly, self.state)
+            self._solver = solver
+            self._begin()
         self._solver = solver
+
+    def _begin(self) -> None:
+        """Set out with the solver and the state that there are."""
+        springs = self.assembly.springs
+        self._running = self._solver.init(self.assembly, self.state)
+        self._sound = Bound(whereabouts, *self.state, FARTHEST_LEAP, FASTEST)
+        self._slow = Bound(whereabouts, *self.state, FARTHEST_LEAP, WILD)
+        self._strain = Bound(is_strained, *self.state[:3], springs.first, springs.second, springs.rest, STRAINED)
+
+    def requests(self, *, keeps_journal: bool = False) -> list[Request]:
+        """The code that a run needs, to be compiled together with other code."""
+        journals = [None, self._blank_journal(1)] if keeps_journal else [None]
+        return [
+            *(r for j in journals for r in self._solver.requests(self._running, self._threads, j)),
+            self._sound.request,
+            self._strain.request,
+        ]
 
     def settle(self, duration: float | None, velocity: FloatArray) -> None:
         """Bring the cloth to rest on bones that stand still, moving what they hold to where it is worn.
@@ -237,12 +257,15 @@ class Hanging:
     def advance(self, motion: Motion, duration: float, substeps: int) -> int:
         """Advance by `duration` [s], and tell how many solves did not converge."""
         if self.keeps_journal:
-            count, dtype = self.state.x.size, self.state.x.dtype
-            integrated, ended = np.empty((2, substeps, 6, count), dtype)
-            self.journal = Journal(integrated, ended, np.empty((substeps, count), np.bool_))
+            self.journal = self._blank_journal(substeps)
         return self._solver.step(
             self._running, motion, duration=duration, substeps=substeps, threads=self._threads, journal=self.journal
         )
+
+    def _blank_journal(self, substeps: int) -> Journal:
+        count, dtype = self.state.x.size, self.state.x.dtype
+        integrated, ended = np.empty((2, substeps, 6, count), dtype)
+        return Journal(integrated, ended, np.empty((substeps, count), np.bool_))
 
     def note_lift(self, duration: float) -> None:
         """Note how far what bones hold has drifted out of colliders in a frame of `duration` [s]."""
@@ -265,15 +288,14 @@ class Hanging:
 
         Notes where the cloth is, and whether it is strained.
         """
-        *center, sound = whereabouts(*self.state, FARTHEST_LEAP, FASTEST)
-        springs = self.assembly.springs
+        *center, sound = self._sound()
         self._center = np.array(center)
-        self.strained = bool(is_strained(*self.state[:3], springs.first, springs.second, springs.rest, STRAINED))
+        self.strained = bool(self._strain())
         return sound
 
     def whirls(self) -> bool:
         """Tell whether any vertex is faster than most motions make it; few are, and the step is then worth a check."""
-        *_, slow = whereabouts(*self.state, FARTHEST_LEAP, WILD)
+        *_, slow = self._slow()
         return not slow
 
     def moment(self) -> Moment:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.kernels.store import Request
 from cape.measure.contact_points import ContactPoints
 from cape.measure.ledger import Ledger
 from cape.reach import reach_of
@@ -84,19 +85,12 @@ def simulate(
     if fps is not None:
         track = track.resample(fps)
     reach = reach_of(scene, track) if cull else None
-    in_reach = scene if reach is None else reach.cull(scene)
-    if isinstance(solver, Auto):
-        if ledger is not None:
-            raise ValueRangeError("a ledger keeps the accounts of one solver: give that, not a tolerance or a budget")
-        simulation = AutoSimulation(in_reach, solver, threads=threads, cuts=cuts)
-    else:
-        simulation = Simulation(in_reach, solver=solver, threads=threads, cuts=cuts, ledger=ledger)
+    simulation = _simulation_of(scene if reach is None else reach.cull(scene), solver, threads, cuts, ledger)
     poses, all_poses = poses_of(track, simulation.bones), poses_of(track, scene.bones)
     steps = np.diff(track.times)
 
     started = time.perf_counter()
-    simulation.compile(poses[0])
-    simulation.read(simulation.meter(scene), all_poses[0])
+    simulation.compile(poses[0], measured=scene)
     compiled = time.perf_counter()
     velocity, spin = _first_motion(scene, track)
     simulation.start(poses[0], settle=settle, velocity=velocity, spin=spin)
@@ -160,6 +154,35 @@ def simulate(
     if notes and result == "finished":
         result = "finished with warnings"
     return replace(take, result=result, warnings=tuple(notes))
+
+
+def requests_of(
+    scene: Scene,
+    track: BoneTrack,
+    *,
+    solver: Solver | Auto | None = None,
+    threads: int | None = None,
+    cull: bool = True,
+) -> list[Request]:
+    """The code that `simulate` needs for the same arguments, to be compiled ahead by `kernels.store.prepare`.
+
+    Raises:
+        UnknownNameError: the scene uses a bone that the track has not.
+        ValueRangeError: the cloth can't be put on.
+    """
+    in_reach = reach_of(scene, track).cull(scene) if cull else scene
+    simulation = _simulation_of(in_reach, solver, threads, DEFAULT_CUTS, None)
+    return simulation.requests(poses_of(track.first(1), simulation.bones)[0], measured=scene)
+
+
+def _simulation_of(
+    scene: Scene, solver: Solver | Auto | None, threads: int | None, cuts: Cuts | None, ledger: Ledger | None
+) -> Simulation:
+    if not isinstance(solver, Auto):
+        return Simulation(scene, solver=solver, threads=threads, cuts=cuts, ledger=ledger)
+    if ledger is not None:
+        raise ValueRangeError("a ledger keeps the accounts of one solver: give that, not a tolerance or a budget")
+    return AutoSimulation(scene, solver, threads=threads, cuts=cuts)
 
 
 class _Checks(Watch):

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape.assembly.assemble import Assembly
+from cape.kernels import store
 from cape.kernels.bones import Motion
 from cape.kernels.state import State
+from cape.kernels.store import Request
 from cape.measure.energy import Energy, energy_of
 from cape.measure.ledger import Ledger
 from cape.measure.meter import Meter, Reading
@@ -209,10 +211,35 @@ class Simulation:
         self._started.change_solver(solver)
         self.solver = solver
 
-    def compile(self, bones: Bones) -> None:
-        """Compile, or load from the cache, all that the scene needs; `start` would, this call only moves the time."""
-        self.start(bones, settle=SETTLING_FRAME)
-        self.read(self.meter())
+    def compile(self, bones: Bones, *, measured: Scene | None = None) -> None:
+        """Compile all that a run needs which is not kept yet, on all cores at once, and load it.
+
+        Args:
+            bones: the first pose.
+            measured: the scene that is given to `meter`, None for the simulation's own.
+
+        Raises:
+            UnknownNameError: a bone's pose is missing.
+            ValueRangeError: a pose isn't finite, the cape can't be put on, or a vertex is held twice.
+        """
+        store.load(self.requests(bones, measured=measured))
+
+    def requests(self, bones: Bones, *, measured: Scene | None = None) -> list[Request]:
+        """What `compile` asks for, for several simulations to be compiled together: see `kernels.store.prepare`."""
+        pose = read_pose(bones, self.bones)
+        found: dict[Request, None] = {}
+        for solver in self._solvers:
+            cloth = Hanging(self.scene, solver, pose, threads=self.threads)
+            found |= dict.fromkeys(cloth.requests(keeps_journal=self.ledger is not None))
+            found |= dict.fromkeys(Meter(cloth.assembly, measured).requests(cloth.state))
+            if self.ledger is not None:
+                found |= dict.fromkeys(self.ledger.requests(cloth.assembly, cloth.state))
+        return list(found)
+
+    @property
+    def _solvers(self) -> tuple[Solver, ...]:
+        """The solvers that a run may use."""
+        return (self.solver,)
 
     def step(self, bones: Bones, dt: float) -> None:
         """Advance the cloth by `dt` [s], in which the bones move from where they were to the given pose.

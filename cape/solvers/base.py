@@ -13,6 +13,7 @@ from cape.kernels.bones import Motion
 from cape.kernels.linking import Frame, Linker, arrivals_for
 from cape.kernels.solve.journal import Journal
 from cape.kernels.state import State
+from cape.kernels.store import Request
 from cape.kernels.team import Team, span
 from cape.solvers import threads as teams
 from cape.solvers.order import Order
@@ -105,9 +106,13 @@ class Solver(ABC):
         programs.run(substeps, duration)
         return self.unconverged(running)
 
+    def requests(self, running: Running, threads: int = 1, journal: Journal | None = None) -> list[Request]:
+        """The code that steps need, to be compiled together with other code; none once they have it."""
+        return self._programs(running, threads, journal).requests
+
     def prepare(self, running: Running, threads: int = 1) -> None:
         """Compile, or load, all that steps need."""
-        self._programs(running, threads, None)
+        self._programs(running, threads, None).link()
 
     def _programs(self, running: Running, threads: int, journal: Journal | None) -> "Programs":
         known = running.frames.get(threads)
@@ -122,8 +127,9 @@ class Programs:
     """The programs of a frame: for a thread alone, and for each of several that share the cloth."""
 
     def __init__(self, solver: Solver, running: Running, size: int, journal: Journal | None) -> None:
-        """Make the programs, and compile what they need."""
+        """Make the programs; what they need is compiled when they are linked or first run."""
         vertices, linker = running.assembly.cloth.vertices, Linker()
+        self._linker = linker
         self._alone = _frame(solver, Thread(running, 0, 1, journal), Team.alone(vertices), linker)
         self._arrivals = arrivals_for(size)
         self._together: Sequence[Frame] = ()
@@ -140,10 +146,19 @@ class Programs:
         for rank in running.assembly.ranks[:size]:
             if rank.contacts.colliders is not None:
                 link_distances(running.assembly.scene, rank.contacts.colliders, rank.contacts.faces, linker)
-        linker.link()
+
+    @property
+    def requests(self) -> list[Request]:
+        """The code that is not linked yet."""
+        return self._linker.requests
+
+    def link(self) -> None:
+        """Find the code of the programs, compiling what is missing."""
+        self._linker.link()
 
     def run(self, substeps: int, duration: float) -> None:
         """Advance by a frame, on one thread where all others are busy."""
+        self.link()
         teams.run(
             lambda rank: self._together[rank].run(substeps, duration),
             lambda: self._alone.run(substeps, duration),

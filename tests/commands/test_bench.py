@@ -16,7 +16,6 @@ from cape.bench.rows import Row
 from cape.bench.run import LINEAR, linear_to
 from cape.bench.sections import features
 from cape.bench.sections.capes import gains
-from cape.bench.sections.features import code_types
 from cape.bench.sheets import WHOLE, assemble_standing, sheet, variants
 from cape.bench.subject import Subject
 from cape.solvers import SymplecticEuler
@@ -128,7 +127,7 @@ def test_a_feature_has_code_of_its_own_and_its_absence_has_not():
     found = {}
     for variant in variants(80):
         subject = Subject(assemble_standing(variant.scene), sheet(80).track, SymplecticEuler(precision="single"))
-        found[variant.label] = code_types(subject)
+        found[variant.label] = subject.code
     same = {v.label for v in variants(80) if v.over is not None and found[v.label] == found[v.over]}
     # Friction is a number that is asked for where a vertex touches, too seldom to be worth another compilation.
     assert same == {"friction", "statistics", "all of these switched off"}

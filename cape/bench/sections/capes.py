@@ -26,6 +26,7 @@ class Capes(Probe):
         self._batch = Batch(simulations, threads=threads)
         self._poses = poses_of(swinging.track, swinging.scene.bones)
         self._frame = 0
+        self.requests = simulations[0].requests(self._poses[0])
         self.substeps, self.units = 0, 0.0
 
     def call(self) -> None:

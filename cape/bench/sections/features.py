@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from typing import Any
 
-from numba import typeof
-
 from cape.bench.figures import Figures
 from cape.bench.plan import Plan
 from cape.bench.rows import Loops, Row, Told, against
@@ -62,7 +60,7 @@ def measure_features(plan: Plan, told: Told) -> tuple[list[Row], list[Feature]]:
                 variant.over,
                 timing.ns,
                 timing.ns - cost[variant.over],
-                code_types(subject) == code_types(subjects[variant.over]),
+                subject.code == subjects[variant.over].code,
             )
         )
         fields: dict[str, Any] = {"ns_per_vertex_substep": timing.ns, "compile_s": timing.compile_s}
@@ -81,8 +79,3 @@ def measure_features(plan: Plan, told: Told) -> tuple[list[Row], list[Feature]]:
             )
         )
     return rows, features
-
-
-def code_types(subject: Subject) -> Any:
-    """Types by which Numba chooses the compiled code: of all that a scene may have, and of None for what it lacks."""
-    return typeof((subject.room.model, subject.assembly.attached, *subject.assembly.contacts))

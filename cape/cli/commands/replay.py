@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cape.assembly.self_contact import contact_thickness
-from cape.cli.character import read_character
+from cape.cli.character import Character, read_character
 from cape.cli.checking import check_rows, checked, step_error_facts, step_error_rows
 from cape.cli.output import open_viewer, output_path
 from cape.cli.reading import Reading
@@ -34,16 +34,33 @@ CUTS = {"carry": Cuts(then="carry"), "reset": Cuts(then="reset"), "off": None}
 class Cut:
     """The cape and how to simulate it, as asked on the command line."""
 
-    fabric: str
-    spacing: float | None
-    length: float | None
-    solver: str | None
-    substeps: int | None
-    tolerance: float | None
-    budget: float | None
-    wind: tuple[float, float, float]
-    cuts: str
-    self_contact: bool
+    fabric: str = "cape"
+    spacing: float | None = None
+    length: float | None = None
+    solver: str | None = None
+    substeps: int | None = None
+    tolerance: float | None = None
+    budget: float | None = None
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    cuts: str = "carry"
+    self_contact: bool = False
+
+    def scene(self, who: Character) -> Scene:
+        """The cape on a character.
+
+        Raises:
+            UserError: a value is out of range, or the body lacks what wears a cape.
+        """
+        scene = dress(
+            who.body,
+            who.track,
+            length=self.length,
+            spacing=self.spacing,
+            fabric=fabric(self.fabric),
+            colliders=who.hitboxes.solids,
+            wind=Wind(velocity=self.wind),
+        )
+        return replace(scene, self_contact=SelfContact()) if self.self_contact else scene
 
     def method(self) -> Solver | Auto:
         """The solver, or what is asked of it, from millimetres and milliseconds.
@@ -74,22 +91,12 @@ def run(
     json: bool,
 ) -> int:
     """Simulate, record, report; gives the exit status."""
-    material, method, cuts = fabric(cut.fabric), cut.method(), _cuts(cut.cuts)
+    fabric(cut.fabric)  # says which there are, before anything is read
+    method, cuts = cut.method(), _cuts(cut.cuts)
     check_layers(layers, LAYERS)
     who = read_character(reading, hitboxes=hitboxes)
     path = output_path(output, who.name)
-    track = who.track
-    scene = dress(
-        who.body,
-        track,
-        length=cut.length,
-        spacing=cut.spacing,
-        fabric=material,
-        colliders=who.hitboxes.solids,
-        wind=Wind(velocity=cut.wind),
-    )
-    if cut.self_contact:
-        scene = replace(scene, self_contact=SelfContact())
+    track, scene = who.track, cut.scene(who)
     take = simulated(scene, who, solver=method, cuts=cuts, check_steps=check)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
