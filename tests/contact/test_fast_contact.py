@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cape.kernels.contact import contact
-from cape.kernels.contact.shapes import DISTANCES, Boxes, Capsules, Planes, TaperedCapsules
+from cape.kernels.contact.shapes import DISTANCES, to_box, to_capsule, to_plane, to_tapered_capsule
 from cape.kernels.records import State
 from motions import quaternions
 from tests.support.shapes import FloatArray, collide, moving, record, reference_distance, tapered_sizes
@@ -18,14 +18,14 @@ SKIN = contact.SKIN * THICKNESS
 COUNT = 48
 
 SIZES = {
-    "arm": (Capsules, (0.5, 0.04, 0.0, 0.0)),
-    "rod": (Capsules, (0.5, 0.005, 0.0, 0.0)),
-    "ball": (Capsules, (0.0, 0.06, 0.0, 0.0)),
-    "thigh": (TaperedCapsules, tapered_sizes(0.5, 0.08, 0.04)),
-    "cone": (TaperedCapsules, tapered_sizes(0.3, 0.005, 0.1)),
-    "board": (Boxes, (0.2, 0.01, 0.3, 0.0)),
-    "cube": (Boxes, (0.1, 0.1, 0.1, 0.0)),
-    "wall": (Planes, (0.0, 0.0, 0.0, 0.0)),
+    "arm": (to_capsule, (0.5, 0.04, 0.0, 0.0)),
+    "rod": (to_capsule, (0.5, 0.005, 0.0, 0.0)),
+    "ball": (to_capsule, (0.0, 0.06, 0.0, 0.0)),
+    "thigh": (to_tapered_capsule, tapered_sizes(0.5, 0.08, 0.04)),
+    "cone": (to_tapered_capsule, tapered_sizes(0.3, 0.005, 0.1)),
+    "board": (to_box, (0.2, 0.01, 0.3, 0.0)),
+    "cube": (to_box, (0.1, 0.1, 0.1, 0.0)),
+    "wall": (to_plane, (0.0, 0.0, 0.0, 0.0)),
 }
 every_shape = pytest.mark.parametrize("name", SIZES)
 

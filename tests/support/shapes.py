@@ -9,14 +9,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from cape.kernels import store
 from cape.kernels.bones import MotionRoom
-from cape.kernels.contact import contact, shapes
+from cape.kernels.contact import contact, shapes, units
 from cape.kernels.contact.distance import to_box, to_capsule, to_plane, to_tapered_capsule
-from cape.kernels.contact.shapes import COLLIDER, MOMENT, Colliders, Points
+from cape.kernels.contact.faces import GROUP, SEEN, FaceContact
+from cape.kernels.contact.shapes import COLLIDER, MOMENT, Colliders, Faces, Points
 from cape.kernels.contact.watch import NEVER, TILE, measure_tiles
 from cape.kernels.jit import COMPILER_OFF, formula_of
 from cape.kernels.linking import Linker
 from cape.kernels.packing import Packed
 from cape.kernels.state import State
+from cape.kernels.team import Team
 
 FloatArray = NDArray[np.float64]
 Kind = Callable[..., Any]
@@ -165,6 +167,29 @@ def _noted(rows: Any, tiles: int) -> Colliders:
     )
 
 
+def kind_of(colliders: Colliders, c: int = 0) -> Kind:
+    """The kind of shape that one of some colliders, made by `record`, has."""
+    return next(kind for kind in KINDS if addresses(kind)[0] == colliders.records.nearest[c])
+
+
+def faces_record(corners: NDArray[np.integer], starts: ArrayLike, tiles: ArrayLike, colliders: Colliders) -> Faces:
+    """Triangles (3, F) in groups that are to be kept out of colliders, none of them longer than 20 cm."""
+    groups = len(np.asarray(tiles))
+    return Faces(
+        corners=np.ascontiguousarray(corners.astype(np.uint32)),
+        starts=np.array(starts, np.int64),
+        tiles=np.array(tiles, np.int64),
+        longest=0.2,
+        wake=np.zeros((groups, len(colliders.records)), np.int64),
+        next=np.zeros(groups, np.int64),
+        due=np.zeros(1, np.int64),
+        middles=room(GROUP),
+        seen=np.zeros((SEEN, GROUP)),
+        haste=np.zeros(1),
+        pushed=np.zeros(1, np.int64),
+    )
+
+
 def still(count: int = 1) -> MotionRoom:
     """So many bones that stand still at the origin, unturned."""
     return moving(np.zeros((count, 3)))
@@ -203,3 +228,13 @@ def collide(
     colliders.clock[MOMENT] += 1
     measure_tiles(lo, hi, s, colliders.spreads, turn, step)
     contact.collide(touching(s, colliders, m, free=free, earlier=earlier, share=share), lo, hi, turn, step)
+
+
+def keep_out(touch: contact.Contact, faces: Faces | None, turn: int, step: float) -> None:
+    """All that a single thread does about colliders in a substep, whose bones have moved, in a frame's order."""
+    team, duration = Team.alone(touch.state.x.size), np.ones(1)
+    units.watch_tiles(units.Nearby(touch.state, touch.colliders, touch.bones, duration), team, turn, turn + 1, step)
+    if faces is not None:
+        units.keep_out(units.FirstLook(touch, True), team, turn, turn + 1, step)
+        units.keep_faces_out(FaceContact(touch, faces), team, turn, turn + 1, step)
+    units.keep_out(units.FirstLook(touch, False), team, turn, turn + 1, step)
