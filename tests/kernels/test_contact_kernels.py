@@ -194,7 +194,9 @@ def test_vertices_are_led_around_all_that_overlap(rng: np.random.Generator, coun
     size, thickness, step = 3 * TILE - 5, 0.02, 0.5
     centers = np.zeros((count, 3))
     centers[:, 0] = [0.0, 0.2, 0.65][:count]
-    shapes = record(to_capsule, np.tile((0, 0.5, 0, 0), (count, 1)), thickness=thickness, origins=centers, vertices=size)
+    shapes = record(
+        to_capsule, np.tile((0, 0.5, 0, 0), (count, 1)), thickness=thickness, origins=centers, vertices=size
+    )
     # Beside the plane between two of them, where out is not far: nearer to their axis they pinch what is there.
     p = rng.uniform(-0.02, 0.02, (3, size))
     p[1] += 0.42
@@ -217,7 +219,12 @@ def test_what_two_pinch_is_held_midway_moves_with_both_and_is_squeezed_out(rng: 
     size, thickness, step, radius = TILE, 0.02, 1e-3, 0.5
     centers = np.array([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]])
     shapes = record(
-        to_capsule, np.tile((0, radius, 0, 0), (2, 1)), thickness=thickness, origins=centers, bones=[0, 1], vertices=size
+        to_capsule,
+        np.tile((0, radius, 0, 0), (2, 1)),
+        thickness=thickness,
+        origins=centers,
+        bones=[0, 1],
+        vertices=size,
     )
     motion = np.array([[0.3, -0.4, 0.2], [-0.5, 0.1, 0.0]])
     p = rng.uniform(-0.05, 0.05, (3, size))

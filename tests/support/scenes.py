@@ -79,9 +79,7 @@ class Run:
         """Advance by `duration` [s] while the bones move to `pose`: positions (B, 3) and rotations wxyz (B, 4)."""
         following = self.pose if pose is None else (np.array(pose[0], float), np.array(pose[1], float))
         motion = Motion(*(_with_world(*self.pose)), *(_with_world(*following)))
-        unconverged = self.solver.step(
-            self.running, motion, duration=duration, substeps=substeps, threads=self.threads
-        )
+        unconverged = self.solver.step(self.running, motion, duration=duration, substeps=substeps, threads=self.threads)
         self.pose = following
         attached = self.assembly.attached
         if attached is not None:
