@@ -21,6 +21,7 @@ class ArrayKind(NamedTuple):
     dense: bool
 
     def __str__(self) -> str:
+        """In a few letters."""
         text = self.dtype if isinstance(self.dtype, str) else f"record{len(self.dtype)}"
         return f"{text}[{self.dimensions}{'' if self.dense else ' with gaps'}]"
 
@@ -32,6 +33,7 @@ class GroupKind(NamedTuple):
     fields: "tuple[tuple[str, Kind], ...]"
 
     def __str__(self) -> str:
+        """With all its fields."""
         return f"{self.name}({', '.join(f'{name}: {kind}' for name, kind in self.fields)})"
 
 
@@ -86,13 +88,13 @@ class Packed:
             dense = value.flags.c_contiguous
             kind = ArrayKind(dtype_text(value.dtype), value.ndim, dense)
             return kind, [address_of(value), *value.shape, *(() if dense else value.strides)]
-        if isinstance(value, bool | np.bool_):
+        if isinstance(value, (bool, np.bool_)):
             return "bool", [int(value)]
-        if isinstance(value, int | np.integer):
+        if isinstance(value, (int, np.integer)):
             return "int", [int(np.int64(value))]
-        if isinstance(value, np.float32):
+        if isinstance(value, np.floating) and value.itemsize == 4:
             return "single", [int(value.view(np.int32))]
-        if isinstance(value, float | np.floating):
+        if isinstance(value, (float, np.floating)):
             return "float", [int(np.float64(value).view(np.int64))]
         if hasattr(value, "_fields"):
             packed = known.get(id(value))
@@ -122,7 +124,8 @@ def dtype_text(dtype: np.dtype[Any]) -> Any:
     """A dtype as text, or of records as nested tuples of it."""
     if dtype.names is None:
         return dtype.str
-    return (dtype.itemsize, tuple((name, _field_text(*dtype.fields[name][:2])) for name in dtype.names))
+    fields: Any = dtype.fields
+    return (dtype.itemsize, tuple((name, _field_text(*fields[name][:2])) for name in dtype.names))
 
 
 def _field_text(dtype: np.dtype[Any], offset: int) -> tuple[str, tuple[int, ...], int]:

@@ -134,7 +134,8 @@ def _file_of(module: str) -> Path | None:
         if path.exists():
             return path
     loaded = sys.modules.get(module)
-    return Path(loaded.__file__) if loaded is not None and getattr(loaded, "__file__", None) else None
+    named = getattr(loaded, "__file__", None)
+    return None if named is None else Path(named)
 
 
 # -- on disk --
@@ -144,10 +145,7 @@ def _file_of(module: str) -> Path | None:
 def folder() -> Path | None:
     """Where pieces are kept; None where nothing can be, which is said once."""
     named = os.environ.get("NUMBA_CACHE_DIR")
-    if named:
-        place = Path(named) / "cape"
-    else:
-        place = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "cape"
+    place = Path(named or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "cape"
     try:
         place.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=place):

@@ -39,10 +39,10 @@ Summed over all vertices, and with minus the damping's work as what is dissipate
     change of kinetic + elastic + potential = attachments + contacts + air - damping + numerical + moved + residual
 
 The work of f is taken from the solvers' own forces, elastic and potential energy from their definition
-(`measure.energy`). So the *residual* closes the books: it is what Simpson's rule misses of an energy's difference along the line from x0 to
-x1, of fifth order in x1 - x0 and none for gravity and linear springs, and it would be large if forces were not the
-gradients of the energies. *moved* is what jumps of the bones and `Simulation.disturb` do between frames, to which none
-of this applies.
+(`measure.energy`). So the *residual* closes the books: it is what Simpson's rule misses of an energy's difference along
+the line from x0 to x1, of fifth order in x1 - x0 and none for gravity and linear springs, and it would be large if
+forces were not the gradients of the energies. *moved* is what jumps of the bones and `Simulation.disturb` do between
+frames, to which none of this applies.
 """
 
 from dataclasses import dataclass, fields

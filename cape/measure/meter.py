@@ -105,7 +105,8 @@ class Meter:
         """The contacts in the room with the vertices as the scene numbers them, in the world."""
         if self._colliders is None:
             return ContactPoints.none(1)
-        vertices, colliders, places = (values[:count] for values in self._room.arrays)
+        vertices, colliders, places = self._room.arrays
+        vertices, colliders, places = vertices[:count], colliders[:count], places[:count]
         order = self._assembly.order
         return ContactPoints(
             starts=np.array([0, len(vertices)]),

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cape.kernels.linking import arrivals_for
 from cape.run.simulation import Diverged, Simulation
 from cape.scene.poses import Bones
 from cape.solvers.threads import available_cores, run
@@ -123,7 +124,7 @@ class Batch:
                     pass
                 raise
 
-        run(take_turns, lambda _: (), min(self.threads, len(order)))
+        run(lambda _: take_turns(), take_turns, arrivals_for(min(self.threads, len(order))))
         for index, error in sorted(errors.items()):
             with _named(index):
                 raise error

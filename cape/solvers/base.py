@@ -72,8 +72,8 @@ class Solver(ABC):
     def units(self, thread: Thread, linker: Linker) -> Order:
         """What one thread does in a frame; programs within programs are made by the linker."""
 
-    def begin(self, running: Running) -> None:
-        """Prepare for a frame."""
+    def begin(self, running: Running) -> None:  # noqa: B027
+        """Prepare for a frame; nothing, for most solvers."""
 
     def unconverged(self, running: Running) -> int:
         """How many solves within the last frame did not reach the solver's tolerance, 0 for explicit methods."""

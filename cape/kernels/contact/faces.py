@@ -143,18 +143,18 @@ def deepest_on_triangle(colliders, c, first, second, third):
 
 @routine
 def respond_on_triangle(contact, c, corners, weights, depth, normal, step, most):
-    """Stop a point of a triangle at collider c, as `contact.respond` does a vertex, and return its speed as that does."""
+    """Stop a point of a triangle at collider c, as `contact.respond` does a vertex; returns what that does."""
     s, inverse_mass, record = contact.state, contact.inverse_mass, contact.colliders.records[c]
     i, j, k = corners
     u, v, w = weights
     nx, ny, nz = normal
-    a, b, c = u * inverse_mass[i], v * inverse_mass[j], w * inverse_mass[k]
-    mobility = u * a + v * b + w * c
+    a, b, o = u * inverse_mass[i], v * inverse_mass[j], w * inverse_mass[k]
+    mobility = u * a + v * b + w * o
     if mobility <= 0.0:
         return 0.0
     # Near a corner that is held the others would have to swing out far.
-    mobility = max(mobility, max(a, max(b, c)) / LEVER)
-    a, b, c = a / mobility, b / mobility, c / mobility
+    mobility = max(mobility, max(a, max(b, o)) / LEVER)
+    a, b, o = a / mobility, b / mobility, o / mobility
     x = u * s.x[i] + v * s.x[j] + w * s.x[k]
     y = u * s.y[i] + v * s.y[j] + w * s.y[k]
     z = u * s.z[i] + v * s.z[j] + w * s.z[k]
@@ -173,18 +173,18 @@ def respond_on_triangle(contact, c, corners, weights, depth, normal, step, most)
     s.vx[j] += b * ux
     s.vy[j] += b * uy
     s.vz[j] += b * uz
-    s.vx[k] += c * ux
-    s.vy[k] += c * uy
-    s.vz[k] += c * uz
+    s.vx[k] += o * ux
+    s.vy[k] += o * uy
+    s.vz[k] += o * uz
     s.x[i] += a * px
     s.y[i] += a * py
     s.z[i] += a * pz
     s.x[j] += b * px
     s.y[j] += b * py
     s.z[j] += b * pz
-    s.x[k] += c * px
-    s.y[k] += c * py
-    s.z[k] += c * pz
+    s.x[k] += o * px
+    s.y[k] += o * py
+    s.z[k] += o * pz
     return inwards
 
 
