@@ -6,8 +6,8 @@ They also run with the compiler off: NUMBA_DISABLE_JIT=1.
 import numpy as np
 import pytest
 
-from cape.kernels.cloth import measure
 from cape.kernels.bones import MotionRoom
+from cape.kernels.cloth import measure
 from cape.kernels.contact import contact, pinch
 from cape.kernels.contact.distance import to_box, to_capsule, to_plane, to_tapered_capsule
 from cape.kernels.contact.shapes import Colliders
@@ -25,7 +25,6 @@ from tests.support.shapes import (
     reference_distance,
     still,
     tapered_sizes,
-    together,
     touching,
 )
 

@@ -55,14 +55,14 @@ class Linear:
         )
         self.linker, self.team = Linker(), Team.alone(self.count)
         thread = Thread(Running(bare.assembly, self.state, arrays), 0, 1, None)
-        self.problem = solver._problem(thread, self.linker, None)
+        self.system = solver._problem(thread, self.linker, None).system
         self.linker.link()
         self.own = slice(self.matrix.front, self.matrix.front + self.count)
-        run(self.problem.linearise, self.team, 0, 1, B)
+        run(self.system.linearise, self.team, 0, 1, B)
 
     def times(self, p: np.ndarray) -> np.ndarray:
         self.matrix.vectors[3][:, self.own] = p
-        run(self.problem.product, self.team, 0, 1, B)
+        run(self.system.product, self.team, 0, 1, B)
         return self.matrix.vectors[4][:, self.own].copy()
 
     def dense(self) -> np.ndarray:
@@ -73,8 +73,8 @@ class Linear:
     def forces(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
         for kept, given in zip(self.state, (*x, *v), strict=True):
             kept[:] = given
-        run(self.problem.residual, self.team, 0, 1, B)
-        return self.problem.work.forces.copy()
+        run(self.system.residual, self.team, 0, 1, B)
+        return self.system.work.forces.copy()
 
 
 @pytest.mark.parametrize("layout", ["grid", "mesh"])
@@ -118,8 +118,8 @@ def test_conjugate_gradients_solve_the_system_of_the_free_vertices(layout: str, 
     r = rng.standard_normal((3, linear.count)) * free
     vectors = linear.matrix.vectors
     vectors[1][:, linear.own] = r
-    assert linear.problem.settings.linear_iterations == 500
-    iterations, slope = conjugate_gradients.solve_linear(linear.problem, linear.problem.work, B, 1e-12, linear.team)
+    assert linear.system.settings.linear_iterations == 500
+    iterations, slope = conjugate_gradients.solve_linear(linear.system, B, 1e-12, linear.team)
     solution = vectors[0][:, linear.own].copy()
     kept = np.tile(free, 3)
     expected = np.zeros(3 * linear.count)

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from cape.assembly.self_contact import enlarged, keep, layers_of, put_back, surplus
 from cape.cloth.cloth import Cloth, MeshCloth
 from cape.kernels.jit import routine
+from cape.kernels.linking import Linker
+from cape.kernels.program import Use
 from cape.kernels.self_contact import closest, near_pairs, patches, self_contact
 from cape.kernels.state import State
 from cape.kernels.team import Team
@@ -392,7 +394,10 @@ def keep_apart(
     s: State, layers: self_contact.Layers, inverse_mass: NDArray[np.float64], substep: int, substeps: int, step: float
 ) -> None:
     """Keep layers apart in one of a frame's substeps."""
-    group = self_contact.Layered(s, layers, inverse_mass)
+    linker = Linker()
+    search = linker.program([Use(self_contact.search_pairs, self_contact.Searched(s, layers, inverse_mass))])
+    linker.link()
+    group = self_contact.Layered(s, layers, inverse_mass, search)
     self_contact.keep_apart(group, Team.alone(s.x.size), substep, substeps, step)
 
 

@@ -218,7 +218,9 @@ def touching(
 ) -> contact.Contact:
     """The contact of vertices, all of them free and of 1 kg unless told, with colliders."""
     loose = np.ones(s.x.size, bool) if free is None else np.asarray(free, bool)
-    return contact.Contact(s, loose.astype(float), loose, earlier, colliders, m, share, np.full(1, NEVER))
+    straight = earlier is None
+    start = np.zeros((1, 1)) if earlier is None else earlier
+    return contact.Contact(s, loose.astype(float), loose, start, straight, colliders, m, share, np.full(1, NEVER))
 
 
 def collide(
