@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cape.kernels.records import Motion
 from numba import njit
 
 import cape
 from cape import Fabric, Pose, Scene, Simulation, Solver, Wind, attach
-from cape.kernels.records import Motion
 from cape.kernels.solve import euler
 from cape.run.simulate import SlowWarning
 from cape.scene.colliders import TaperedCapsule
