@@ -2,8 +2,6 @@
 
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
@@ -23,6 +21,7 @@ from cape.solvers import Solver
 from cape.solvers import threads as module
 from cape.solvers.running import Thread
 from cape.solvers.threads import available_cores, cpu_quota, run
+from tests.support.processes import python
 from tests.support.scenes import Run, every_solver, grid_cloth
 
 
@@ -146,20 +145,6 @@ def test_nobody_waits_for_a_rank_that_is_gone():
     assert arrivals[0] == 1000
 
 
-def _python(script: str, **environment: str) -> str:
-    """What a fresh process prints that can import this file."""
-    place = {"PYTHONPATH": str(Path(__file__).parents[2])}
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        env={**os.environ, **place, **environment},
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 # -- teams --
 
 
@@ -274,7 +259,7 @@ if child:
     assert os.waitpid(child, 0)[1] == 0
     print("both")
 """
-    assert _python(script) == "both\n"
+    assert python(script) == "both\n"
 
 
 def test_another_process_takes_teams_from_the_cache(tmp_path: Path):
@@ -285,7 +270,7 @@ import hashlib
 values, used = diffused(2)
 print(used, store.compiled.count("diffuse"), len(store.compiled), hashlib.sha256(values).hexdigest())
 """
-    first, second = (_python(script, NUMBA_CACHE_DIR=str(tmp_path)).split() for _ in range(2))
+    first, second = (python(script, NUMBA_CACHE_DIR=str(tmp_path)).split() for _ in range(2))
     assert first[:3] == ["2", "1", "1"]
     assert second[:3] == ["2", "0", "0"]
     assert first[3] == second[3]
@@ -295,11 +280,11 @@ def test_without_the_compiler_there_is_one_thread():
     script = (
         "from tests.solvers.test_threads import diffused; print(diffused(2)[1], diffused(1, rounds=2)[0].sum() != 0)"
     )
-    assert _python(script, NUMBA_DISABLE_JIT="1") == "1 True\n"
+    assert python(script, NUMBA_DISABLE_JIT="1") == "1 True\n"
 
 
 def test_idle_helpers_let_the_process_end():
-    assert _python("from tests.solvers.test_threads import diffused; print(diffused(4)[1])") == "4\n"
+    assert python("from tests.solvers.test_threads import diffused; print(diffused(4)[1])") == "4\n"
 
 
 # -- cores --
@@ -312,7 +297,7 @@ os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])
 from cape.solvers.threads import available_cores
 print(available_cores())
 """
-    assert _python(script) == "1\n"
+    assert python(script) == "1\n"
     assert 1 <= available_cores() <= (os.cpu_count() or 1)
 
 
