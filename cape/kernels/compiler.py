@@ -192,21 +192,24 @@ class _Library(codegen.JITCodeLibrary):
         self._finalized = True
 
     def link_and_optimise(self) -> llvm.ModuleRef:
-        order: dict[Any, None] = {}  # who is called before who calls
-
-        def visit(library: Any) -> None:
-            for called in library._linking_libraries if isinstance(library, _Library) else ():
-                if called not in order:
-                    visit(called)
-            order[library] = None
-
-        visit(self)
-        # Who calls comes first: of what nothing calls yet LLVM takes nothing.
-        for library in list(reversed(order))[1:]:
+        # LLVM leaves out what nothing calls yet, so that who calls must come first.
+        for library in list(self._called({}))[-2::-1]:
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         passes, builder = self._codegen._module_pass_manager()
         passes.run(self._final_module, builder)
         return self._final_module
+
+    def _called(self, known: dict[Any, None]) -> dict[Any, None]:
+        """All that this calls, whatever is called before who calls it, and this at last."""
+        for library in self._linking_libraries:
+            if library in known:
+                continue
+            if isinstance(library, _Library):
+                library._called(known)
+            else:
+                known[library] = None
+        known[self] = None
+        return known
 
 
 class _Pipeline(compiler.CompilerBase):

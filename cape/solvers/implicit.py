@@ -16,12 +16,14 @@ from cape.forces.registry import forces_of
 from cape.kernels.cloth.grid import GridBends, GridRoom, GridSprings
 from cape.kernels.cloth.mesh import MeshBends
 from cape.kernels.contact.penalty import Penalty, PenaltyContact, find_touchable, press_colliders
+from cape.kernels.contact.units import note_motion
 from cape.kernels.implicit.conjugate_gradients import CHUNK
 from cape.kernels.implicit.implicit import (
     GAMMA,
     GUARD,
     UNSOLVED,
     Balance,
+    Holding,
     Placing,
     Problem,
     Settings,
@@ -38,6 +40,7 @@ from cape.kernels.implicit.implicit import (
     hold_back_at_start,
     keep_acceleration,
     leave_out_contact,
+    place_attached,
     place_bones,
     solve_stage,
 )
@@ -214,7 +217,7 @@ class ImplicitSolver(Solver):
             system=system,
             evaluate=linker.program([Use(evaluate, system)]),
             aim=linker.program([Use(aim_newton_step, system)]),
-            penalty=None if contact is None else arrays.penalty,
+            pressing=np.zeros((3, 0), arrays.work.forces.dtype) if contact is None else contact.penalty.force,
         )
 
     def _matrix(self, thread: Thread, contact: PenaltyContact | None) -> tuple[list[Use], list[Use]]:
@@ -236,16 +239,17 @@ class ImplicitSolver(Solver):
             first, last, product = Use(linearise_mesh, mesh), Use(add_mesh_diagonal, mesh), Use(multiply_mesh, mesh)
         return [first, *wait(thread), *own, start, last, invert], [Use(multiply_own, arrays.matrix), product]
 
-    def _place(self, thread: Thread, at: float) -> Use:
+    def _place(self, thread: Thread, at: float) -> list[Use]:
         """Place the bones, and what they hold, at a share of the step."""
         running = thread.running
-        return Use(
-            place_bones,
-            Placing(
-                running.state, running.motion, thread.bones, running.assembly.attached, thread.contacts.colliders,
-                running.arrays.work.target, at, self.stage,
-            ),
-        )  # fmt: skip
+        attached, colliders = running.assembly.attached, thread.contacts.colliders
+        uses = [Use(place_bones, Placing(running.motion, thread.bones, at))]
+        if colliders is not None:
+            uses.append(Use(note_motion, colliders))
+        if attached is not None:
+            holding = Holding(running.state, attached, thread.bones, running.arrays.work.target, at, self.stage)
+            uses.append(Use(place_attached, holding))
+        return uses
 
     def _end(self, thread: Thread, linker: Linker, earlier: Array | None) -> list[Use]:
         """Move out what a step leaves deeper than contact forces should, or on a fast limb's other side."""
@@ -271,9 +275,9 @@ class BackwardEuler(ImplicitSolver):
         """One stage, from the step's start to its end."""
         problem = self._problem(thread, linker, contact)
         return [
-            self._place(thread, 0.0),
+            *self._place(thread, 0.0),
             Use(aim_backward, problem.system),
-            self._place(thread, 1.0),
+            *self._place(thread, 1.0),
             Use(solve_stage, Stage(problem, self.stage)),
             *self._end(thread, linker, None),
         ]
@@ -298,7 +302,7 @@ class TRBDF2(ImplicitSolver):
         problem, work = self._problem(thread, linker, contact), thread.running.arrays.work
         solve, pressure = Use(solve_stage, Stage(problem, self.stage)), thread.contacts.pressure
         start = self._problem(thread, linker, None, forcing=self.forcing**3)
-        uses = [self._place(thread, 0.0), Use(find_acceleration, Stage(start, self.stage))]
+        uses = [*self._place(thread, 0.0), Use(find_acceleration, Stage(start, self.stage))]
         balancing = None
         if contact is not None:
             pressing = linker.program([Use(press_colliders, contact)])
@@ -308,10 +312,10 @@ class TRBDF2(ImplicitSolver):
             uses.append(Use(hold_back_at_start, balancing))
         uses += [
             Use(aim_trapezoid, problem.system),
-            self._place(thread, GAMMA),
+            *self._place(thread, GAMMA),
             solve,
             Use(aim_bdf2, problem.system),
-            self._place(thread, 1.0),
+            *self._place(thread, 1.0),
             solve,
             Use(keep_acceleration, Stage(problem, self.stage)),
         ]

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 
 from cape.kernels.bones import Motion, MotionRoom
 from cape.kernels.contact.penalty import SLIP, Penalty
-from cape.kernels.contact.shapes import Colliders, forget_places
 from cape.kernels.implicit.conjugate_gradients import CHUNK, dot_terms, solve_linear, sum_all
 from cape.kernels.implicit.stages import (
     begin_bdf2,
@@ -104,13 +103,13 @@ class System(NamedTuple):
 class Problem(NamedTuple):
     """A system and the programs that solve it: `evaluate` finds its residual, `aim` a Newton step.
 
-    `penalty` is None without colliders.
+    `pressing` (3, N) are the forces of contact [N], of no vertices where nothing presses.
     """
 
     system: System
     evaluate: Program
     aim: Program
-    penalty: Penalty | None
+    pressing: Array
 
 
 class Stage(NamedTuple):
@@ -121,16 +120,20 @@ class Stage(NamedTuple):
 
 
 class Placing(NamedTuple):
-    """Bones to be placed at a time within a step, as a share `at` of it, for a stage whose b is a `share` of it.
+    """Bones to be placed at a time within a step, as a share `at` of it."""
 
-    `attached` and `colliders` are None where there are none; `target` (6, N) is the stage's.
-    """
-
-    state: State
     motion: Motion
     bones: MotionRoom
-    attached: Attached | None
-    colliders: Colliders | None
+    at: float
+
+
+class Holding(NamedTuple):
+    """What bones hold, to be placed at that time, for a stage whose b is a `share` of the step and which aims at
+    `target` (6, N)."""
+
+    state: State
+    attached: Attached
+    bones: MotionRoom
     target: Array
     at: float
     share: float
@@ -223,23 +226,24 @@ def solve_stage(g, team, substep, substeps, step):
             here = slope_here(lo, hi, system, team)
             if here >= -SLOPE * slope:
                 break
-        left = share * largest_correction(lo, hi, system.matrix, tolerance, problem.penalty, b)
+        left = share * largest_correction(lo, hi, system.matrix, tolerance, problem.pressing, b)
         if largest_of_all(lo, hi, left, work.largest, team) < 1.0:
             return
     counts[UNSOLVED] += 1
 
 
 @routine
-def largest_correction(lo, hi, matrix, tolerance, penalty, b):
+def largest_correction(lo, hi, matrix, tolerance, f, b):
     """Largest of the Newton steps of the vertices lo to hi, as a share of what may be left.
 
-    That is the `tolerance` [m], and where contact presses at most what changes a velocity by little as against `SLIP`,
-    on which friction depends; the linear systems are not solved much better for such a vertex than its pressure is.
+    That is the `tolerance` [m], and where contact presses, with forces `f` (3, N) or of no vertices at all, at most
+    what changes a velocity by little as against `SLIP`, on which friction depends; the linear systems are not solved
+    much better for such a vertex than its pressure is.
     """
     d, front = matrix.vectors[0], matrix.front
     largest = longest(d, front + lo, front + hi) / tolerance
-    if penalty is not None:
-        f, least = penalty.force, min(tolerance, EXACT * SLIP * b)
+    least = min(tolerance, EXACT * SLIP * b)
+    if f.shape[1] > 0:
         for i in range(lo, hi):
             if f[0, i] != 0.0 or f[1, i] != 0.0 or f[2, i] != 0.0:
                 largest = max(largest, longest(d, front + i, front + i + 1) / least)
@@ -332,10 +336,14 @@ def leave_out_contact(g, team, substep, substeps, step):
 
 @unit
 def place_bones(g, team, substep, substeps, step):
-    """Place the bones, and what they hold, at a time within the step."""
+    """Place the bones at a time within the step."""
+    place_at((substep + g.at) * step, g.motion, g.bones)
+
+
+@unit
+def place_attached(g, team, substep, substeps, step):
+    """Place what the bones hold, with the velocity of its place."""
     time, b = (substep + g.at) * step, g.share * step
-    place_at(time, g.motion, g.bones)
-    forget_places(g.colliders)
     hold_rigidly(team.lo, team.hi, g.state, g.attached, g.bones, time, b, g.target)
 
 
