@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from cape.kernels.contact import contact
-from cape.kernels.contact.distance import to_box, to_capsule, to_plane, to_tapered_capsule
 from cape.kernels.jit import formula_of, routine
 from cape.kernels.state import State
 from motions import quaternions
+from skeleton.shapes import Box, Capsule, Plane, TaperedCapsule
 from tests.support.shapes import FloatArray, collide, moving, record, reference_distance, tapered_sizes
 
 STEP = 1.0 / 60.0 / 8.0  # s
@@ -19,14 +19,14 @@ SKIN = contact.SKIN * THICKNESS
 COUNT = 48
 
 SIZES = {
-    "arm": (to_capsule, (0.5, 0.04, 0.0, 0.0)),
-    "rod": (to_capsule, (0.5, 0.005, 0.0, 0.0)),
-    "ball": (to_capsule, (0.0, 0.06, 0.0, 0.0)),
-    "thigh": (to_tapered_capsule, tapered_sizes(0.5, 0.08, 0.04)),
-    "cone": (to_tapered_capsule, tapered_sizes(0.3, 0.005, 0.1)),
-    "board": (to_box, (0.2, 0.01, 0.3, 0.0)),
-    "cube": (to_box, (0.1, 0.1, 0.1, 0.0)),
-    "wall": (to_plane, (0.0, 0.0, 0.0, 0.0)),
+    "arm": (Capsule, (0.5, 0.04, 0.0, 0.0)),
+    "rod": (Capsule, (0.5, 0.005, 0.0, 0.0)),
+    "ball": (Capsule, (0.0, 0.06, 0.0, 0.0)),
+    "thigh": (TaperedCapsule, tapered_sizes(0.5, 0.08, 0.04)),
+    "cone": (TaperedCapsule, tapered_sizes(0.3, 0.005, 0.1)),
+    "board": (Box, (0.2, 0.01, 0.3, 0.0)),
+    "cube": (Box, (0.1, 0.1, 0.1, 0.0)),
+    "wall": (Plane, (0.0, 0.0, 0.0, 0.0)),
 }
 every_shape = pytest.mark.parametrize("name", SIZES)
 
@@ -138,7 +138,7 @@ def test_what_crosses_a_shape_stays_before_the_plane_that_it_hits(name: str, spi
         before = np.stack(shots.state)
         points, against = shots.collide(earlier)
         where = shots.along(share)
-        normals = np.array([formula_of(shots.kind)(*p, *shots.sizes)[1:] for p in where])
+        normals = np.array([formula_of(shots.kind.nearest)(*p, *shots.sizes)[1:] for p in where])
         # Within the thickness, contact moves it along the normal there, which may be another one.
         ahead = np.sum((points - where) * normals, axis=1)
         assert (ahead[hit] > -THICKNESS).all()

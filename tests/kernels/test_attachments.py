@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from cape.kernels.bones import Motion, MotionRoom
-from cape.kernels.contact.distance import to_capsule, to_plane
 from cape.kernels.contact.shapes import MOMENT, Colliders
 from cape.kernels.solve import attachments
 from cape.kernels.solve.attachments import Attached
 from cape.kernels.state import State
 from motions import quaternions
+from skeleton.shapes import Capsule, Plane
 from tests.support.scenes import turn_about
 from tests.support.shapes import FloatArray, moving, record, together
 
@@ -107,8 +107,8 @@ def test_rigidly_held_vertices_move_with_their_place(rng: np.random.Generator, l
 def two_walls_and_a_ball(thickness: float) -> Colliders:
     """The ground and a wall at x = 0, and a ball of 0.1 m at the origin of bone 1; bone 0 stands still."""
     upright = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-    walls = record(to_plane, np.zeros((2, 4)), thickness=thickness, frames=[np.eye(3), upright])
-    return together(walls, record(to_capsule, (0, 0.1, 0, 0), thickness=thickness, bones=[1]))
+    walls = record(Plane, np.zeros((2, 4)), thickness=thickness, frames=[np.eye(3), upright])
+    return together(walls, record(Capsule, (0, 0.1, 0, 0), thickness=thickness, bones=[1]))
 
 
 def test_a_point_is_led_out_of_all_that_it_is_in():

@@ -9,9 +9,10 @@ from typing import NamedTuple
 import pytest
 
 from cape.kernels import store
-from cape.kernels.contact import contact, distance, shapes, units
+from cape.kernels.contact import contact, shapes, units
 from cape.kernels.jit import Function, formula_of, routine
 from cape.kernels.store import Request
+from skeleton.shapes import Box, Plane
 from tests.support.code import compiled_only
 from tests.support.processes import python
 
@@ -94,11 +95,13 @@ def test_a_helper_takes_its_share_and_all_is_as_if_made_by_one(tmp_path: Path):
     assert alone.ended == []
     assert 0 < shared.ours < len(REQUESTS)
     assert alone.ours == len(REQUESTS)
-    # Each piece is announced before this process compiles it, with how many were begun before.
-    assert [name for name, _, _ in alone.told] == [request.name for request in REQUESTS]
-    assert [done for _, done, _ in alone.told] == list(range(len(REQUESTS)))
-    assert {count for _, _, count in (*alone.told, *shared.told)} == {len(REQUESTS)}
-    assert len(shared.told) == shared.ours
+    # Each piece is announced before this process compiles it, with how many were begun before; and then the end.
+    *told, end = alone.told
+    assert end == shared.told[-1] == ["", len(REQUESTS), len(REQUESTS)]
+    assert sorted(name for name, _, _ in told) == sorted(request.name for request in REQUESTS)
+    assert [done for _, done, _ in told] == list(range(len(REQUESTS)))
+    assert {count for _, _, count in (*told, *shared.told)} == {len(REQUESTS)}
+    assert len(shared.told) == shared.ours + 1
     made = [{path.name: Piece_of(path) for path in (tmp_path / how / "cape").iterdir()} for how in ("shared", "alone")]
     assert made[0].keys() == made[1].keys()
     assert {name: piece.returns for name, piece in made[0].items()} == {
@@ -134,8 +137,8 @@ def test_without_a_program_to_start_there_are_no_helpers(tmp_path: Path):
         units.keep_out,
         contact.collide,
         contact.stopped,
-        formula_of(distance.to_box),
-        shapes.gaps.around(formula_of(distance.to_plane)),
+        formula_of(Box.nearest),
+        shapes.gaps.around(formula_of(Plane.nearest)),
     ],
     ids=["unit", "routine", "inlined", "formula", "loop around a formula"],
 )

@@ -9,11 +9,11 @@ import pytest
 from cape.kernels.bones import MotionRoom
 from cape.kernels.cloth import measure
 from cape.kernels.contact import contact, pinch
-from cape.kernels.contact.distance import to_box, to_capsule, to_plane, to_tapered_capsule
 from cape.kernels.contact.shapes import Colliders
 from cape.kernels.contact.watch import TILE
 from cape.kernels.state import State
 from motions import quaternions
+from skeleton.shapes import Box, Capsule, Cylinder, Ellipsoid, Plane, TaperedCapsule
 from tests.support.scenes import turn_about
 from tests.support.shapes import (
     FloatArray,
@@ -32,10 +32,12 @@ from tests.support.shapes import (
 ROUNDING = 1e-13
 
 SIZES = {
-    to_capsule: (0.4, 0.3, 0.0, 0.0),
-    to_tapered_capsule: tapered_sizes(0.5, 0.4, 0.2),
-    to_box: (0.6, 0.4, 0.5, 0.0),
-    to_plane: (0.0, 0.0, 0.0, 0.0),
+    Capsule: (0.4, 0.3, 0.0, 0.0),
+    TaperedCapsule: tapered_sizes(0.5, 0.4, 0.2),
+    Box: (0.6, 0.4, 0.5, 0.0),
+    Plane: (0.0, 0.0, 0.0, 0.0),
+    Cylinder: (0.4, 0.5, 0.0, 0.0),
+    Ellipsoid: (0.6, 0.4, 0.5, 0.0),
 }
 every_kind = pytest.mark.parametrize("kind", SIZES, ids=lambda k: k.__name__)
 
@@ -113,7 +115,7 @@ def test_response_to_contact(rng: np.random.Generator, friction: float):
     p, v = rng.standard_normal((2, 3, 40))
     here, velocity, spin = rng.standard_normal((3, 2, 3))
     m, s, back, most = moving(velocity, spin=spin, place=here), state(p, v), 0.05, 0.04
-    wall = record(to_plane, SIZES[to_plane], thickness=0.0, friction=friction, bones=[1])
+    wall = record(Plane, SIZES[Plane], thickness=0.0, friction=friction, bones=[1])
     for i in range(40):
         n = rng.standard_normal(3)
         n /= np.linalg.norm(n)
@@ -179,7 +181,7 @@ def test_what_is_deep_inside_leaves_no_faster_than_it_may(rng: np.random.Generat
 
 def test_only_the_asked_vertices_and_share_of_the_thickness_are_kept_out():
     count, thickness = 3 * TILE, 0.02
-    shapes = record(to_plane, SIZES[to_plane], thickness=thickness, vertices=count)
+    shapes = record(Plane, SIZES[Plane], thickness=thickness, vertices=count)
     p = np.zeros((3, count))
     s = state(p)
     collide(TILE, 2 * TILE, np.ones(count, bool), s, None, shapes, still(), 0.5, 0, 0.1)
@@ -193,9 +195,7 @@ def test_vertices_are_led_around_all_that_overlap(rng: np.random.Generator, coun
     size, thickness, step = 3 * TILE - 5, 0.02, 0.5
     centers = np.zeros((count, 3))
     centers[:, 0] = [0.0, 0.2, 0.65][:count]
-    shapes = record(
-        to_capsule, np.tile((0, 0.5, 0, 0), (count, 1)), thickness=thickness, origins=centers, vertices=size
-    )
+    shapes = record(Capsule, np.tile((0, 0.5, 0, 0), (count, 1)), thickness=thickness, origins=centers, vertices=size)
     # Beside the plane between two of them, where out is not far: nearer to their axis they pinch what is there.
     p = rng.uniform(-0.02, 0.02, (3, size))
     p[1] += 0.42
@@ -218,7 +218,7 @@ def test_what_two_pinch_is_held_midway_moves_with_both_and_is_squeezed_out(rng: 
     size, thickness, step, radius = TILE, 0.02, 1e-3, 0.5
     centers = np.array([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]])
     shapes = record(
-        to_capsule,
+        Capsule,
         np.tile((0, radius, 0, 0), (2, 1)),
         thickness=thickness,
         origins=centers,
@@ -302,17 +302,17 @@ def test_contacts_and_the_deepest_of_each_kind_of_shape(rng: np.random.Generator
 
 
 @pytest.mark.parametrize("explicit", [False, True], ids=["by its velocity", "from where it was"])
-@pytest.mark.parametrize("kind", [to_capsule, to_tapered_capsule, to_box], ids=lambda k: k.__name__)
+@pytest.mark.parametrize("kind", [Capsule, TaperedCapsule, Box], ids=lambda k: k.__name__)
 def test_what_springs_draw_past_the_middle_in_every_step_gets_out(kind: Kind, explicit: bool):
     # Springs to both sides draw it farther than to the middle: whichever side it is on, it would leave by the other.
     step, pull, thickness = 2e-4, 120.0, 0.005
     sizes = {
-        to_capsule: (0.4, 0.1, 0.0, 0.0),
-        to_tapered_capsule: tapered_sizes(0.5, 0.1, 0.1),
-        to_box: (0.1, 0.4, 0.5, 0.0),
+        Capsule: (0.4, 0.1, 0.0, 0.0),
+        TaperedCapsule: tapered_sizes(0.5, 0.1, 0.1),
+        Box: (0.1, 0.4, 0.5, 0.0),
     }[kind]
     shapes = record(kind, sizes, thickness=thickness)
-    s = state(np.array([[0.018], [0.0], [0.2 if kind is to_tapered_capsule else 0.0]]))
+    s = state(np.array([[0.018], [0.0], [0.2 if kind is TaperedCapsule else 0.0]]))
     turns = 2 + int((0.1 + thickness) / (contact.EXIT * step))
     for turn in range(turns):
         was = np.stack(s[:3])

@@ -5,7 +5,6 @@ They also run with the compiler off: NUMBA_DISABLE_JIT=1.
 
 import numpy as np
 import pytest
-from cape.kernels.records import Motion, MotionRoom
 
 from cape.kernels import bones
 from cape.kernels.bones import Motion, MotionRoom

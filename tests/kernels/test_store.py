@@ -12,9 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cape.kernels import store
-from cape.kernels.contact import distance, shapes
+from cape.kernels.contact import shapes
 from cape.kernels.jit import Function, formula_of, routine
 from cape.kernels.store import Piece, Request
+from skeleton.shapes import Box, Plane
 from tests.support.code import compiled_only
 from tests.support.processes import python
 
@@ -69,7 +70,7 @@ def names_of(requests: list[Request]) -> list[str]:
 
 
 def test_code_is_named_for_its_function_and_the_kinds_of_its_arguments():
-    box, plane = formula_of(distance.to_box), formula_of(distance.to_plane)
+    box, plane = formula_of(Box.nearest), formula_of(Plane.nearest)
     requests = [
         Request(summed, ("int",)),
         Request(scaled, ("int",)),

@@ -3,20 +3,17 @@
 The kernels also run with the compiler off: NUMBA_DISABLE_JIT=1.
 """
 
-from typing import get_args
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cape import Box, Capsule, Collider, Fabric, Plane, Scene, Sphere
-from cape.assembly.contact import DISTANCES, LAYOUTS, Contacts, contacts_of, for_another_thread, link_distances
-from cape.kernels.contact.distance import to_tapered_capsule
+from cape.assembly.contact import Contacts, contacts_of, for_another_thread, link_distances
 from cape.kernels.contact.shapes import MOMENT, Colliders, distance_to, place
 from cape.kernels.linking import Linker
-from cape.scene.colliders import TaperedCapsule
 from motions import quaternions
+from skeleton.shapes import SHAPES, TaperedCapsule
 from tests.support.scenes import grid_cloth
 from tests.support.shapes import (
     FloatArray,
@@ -69,10 +66,6 @@ def distance_in(found: Colliders, pose: tuple[FloatArray, FloatArray], point: Fl
 # -- kinds --
 
 
-def test_every_kind_of_collider_has_a_layout_and_a_distance():
-    assert set(LAYOUTS) == set(DISTANCES) == set(get_args(Collider))
-
-
 @pytest.mark.parametrize(
     "arm",
     [Capsule("arm", "a", np.zeros(3), np.ones(3), 0.1), TaperedCapsule(name="arm", bone="a")],
@@ -95,16 +88,22 @@ def test_colliders_are_in_the_scene_s_order_each_with_its_own_distance(arm: Coll
         assert row.bone == (len(scene.bones) if collider.bone is None else scene.bones.index(collider.bone))
         assert row.friction == (0.7 if collider.name == "floor" else 0.1)
         assert row.thickness == (0.02 if collider.name == "head" else 0.003)
-    kinds = [DISTANCES[type(collider)] for collider in named]
+    kinds = [Capsule if type(collider) is Sphere else type(collider) for collider in named]
     assert [kind_of(found, c) for c in range(len(named))] == kinds
 
 
-def test_every_distance_has_an_address_of_its_own():
-    found = contacts(Sphere(radius=0.001), Box(), Plane(), TaperedCapsule()).colliders
+def test_every_distance_of_the_registry_has_an_address_of_its_own():
+    every = {shape: shape() for shape in SHAPES.values() if shape is not Capsule}
+    every[Sphere] = Capsule("", None, np.zeros(3), np.ones(3), 0.1)  # whose distance is a sphere's, too
+    found = contacts(*every.values()).colliders
     assert found is not None
-    assert found.records.thin[0]
-    everything = [*found.records.nearest, *found.records.gaps, *found.records.planes[found.records.thin > 0]]
+    thin = found.records.thin > 0
+    everything = [*found.records.nearest, *found.records.gaps, *found.records.planes[thin]]
     assert len(set(everything)) == len(everything)
+    # A box and a cylinder have edges; code that triangles alone need is not there without any.
+    assert thin.any()
+    assert not thin.all()
+    assert (found.records.planes[~thin] == 0).all()
 
 
 def test_without_colliders_there_is_nothing():
@@ -257,7 +256,7 @@ def test_normals_are_gradients_in_the_world():
 
 
 def test_a_collider_is_placed_once_a_moment():
-    found = record(to_tapered_capsule, tapered_sizes(0.5, 0.2, 0.1), thickness=0.01)
+    found = record(TaperedCapsule, tapered_sizes(0.5, 0.2, 0.1), thickness=0.01)
     one, two = (moving(np.zeros((1, 3)), place=[[x, 0.0, 0.0]]) for x in (1.0, 2.0))
     found.clock[MOMENT] = 1
     place(found, 0, one)

@@ -14,10 +14,10 @@ import pytest
 import cape
 from cape import Fabric, Pose, Scene, Simulation, Solver, Wind, attach
 from cape.run.simulate import SlowWarning
-from cape.scene.colliders import TaperedCapsule
 from cape.scene.standard_scenes import plain
 from cape.solvers import SOLVERS
 from motions.errors import ValueRangeError
+from skeleton.shapes import Cylinder, Ellipsoid, TaperedCapsule
 from skeleton.track import BoneTrack
 from tests.support.code import compiled_only, name_of, requests_of
 from tests.support.scenes import Run, bend_energy, every_solver, grid_cloth, mesh_cloth, spring_energy, turn_about
@@ -177,21 +177,25 @@ SCENES: dict[str, dict[str, Any]] = {
     "tapered capsule": {"colliders": [TaperedCapsule()]},
     "box": {"colliders": [cape.Box(thickness=0.1)]},  # so that its edges need no triangles
     "plane": {"colliders": [cape.Plane()]},
+    "cylinder": {"colliders": [Cylinder(thickness=0.1)]},
+    "ellipsoid": {"colliders": [Ellipsoid()]},
     "needle": {"colliders": [cape.Sphere(radius=0.001)]},
     "held": {"attachments": [cape.Attachment(vertices=np.arange(3), bone="rod")]},
     "layers": {"self_contact": cape.SelfContact()},
 }
-SOLID = {"capsule", "sphere", "tapered capsule", "box", "plane", "needle"}
+SOLID = {"capsule", "sphere", "tapered capsule", "box", "plane", "cylinder", "ellipsoid", "needle"}
 # Units that a feature adds to a frame, or code that they call by address, and the scenes that have it.
 FEATURES = {
     "wind": ({"grid_air"}, {"wind", "sticky wind"}),
     "viscosity": ({"skin_drag"}, {"sticky wind"}),
     "contact": ({"find_nearby", "watch_tiles", "keep_out"}, SOLID),
-    "capsules": ({"to_capsule", "gaps of to_capsule"}, {"capsule", "sphere", "needle"}),
-    "tapered capsules": ({"to_tapered_capsule", "gaps of to_tapered_capsule"}, {"tapered capsule"}),
-    "boxes": ({"to_box", "gaps of to_box"}, {"box"}),
-    "planes": ({"to_plane", "gaps of to_plane"}, {"plane"}),
-    "triangles": ({"wake_faces", "keep_faces_out", "planes of to_capsule"}, {"needle"}),
+    "capsules": ({"nearest of capsule", "gaps of capsule"}, {"capsule", "sphere", "needle"}),
+    "tapered capsules": ({"nearest of tapered_capsule", "gaps of tapered_capsule"}, {"tapered capsule"}),
+    "boxes": ({"nearest of box", "gaps of box"}, {"box"}),
+    "planes": ({"nearest of plane", "gaps of plane"}, {"plane"}),
+    "cylinders": ({"nearest of cylinder", "gaps of cylinder"}, {"cylinder"}),
+    "ellipsoids": ({"nearest of ellipsoid", "gaps of ellipsoid"}, {"ellipsoid"}),
+    "triangles": ({"wake_faces", "keep_faces_out", "planes of capsule"}, {"needle"}),
     "attachments": ({"lift_attached"}, {"held"}),
     "self-contact": ({"keep_apart", "search_pairs"}, {"layers"}),
     "journal": ({"note_integrated", "note_pressed", "note_end"}, set()),

@@ -51,6 +51,7 @@ def requests_of(scene: Scene, solver: Solver, *, threads: int = 1) -> list[store
 
 
 def name_of(request: store.Request) -> str:
-    """The name of a request's function; of one around a formula with the formula's."""
-    formula = request.function.formula
-    return request.function.__name__ + ("" if formula is None else f" of {formula.__name__}")
+    """The name of a request's function; of one that belongs to a kind of shape with that."""
+    function = request.function
+    shape = (function.formula or function).__module__.rpartition(".")
+    return function.__name__ + (f" of {shape[2]}" if shape[0] == "skeleton.shapes" else "")

@@ -1,6 +1,5 @@
 """Signed distances from shapes, many points at once, sharing nothing with the package's own, and records by hand."""
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -10,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 from cape.kernels import store
 from cape.kernels.bones import MotionRoom
 from cape.kernels.contact import contact, shapes, units
-from cape.kernels.contact.distance import to_box, to_capsule, to_plane, to_tapered_capsule
 from cape.kernels.contact.faces import GROUP, SEEN, FaceContact
 from cape.kernels.contact.shapes import COLLIDER, MOMENT, Colliders, Faces, Points
 from cape.kernels.contact.watch import NEVER, TILE, measure_tiles
@@ -19,12 +17,11 @@ from cape.kernels.linking import Linker
 from cape.kernels.packing import Packed
 from cape.kernels.state import State
 from cape.kernels.team import Team
+from skeleton.shapes import Box, Capsule, Cylinder, Ellipsoid, Plane, Shape, TaperedCapsule
 
 FloatArray = NDArray[np.float64]
-Kind = Callable[..., Any]
-"""A kind of shape is the function that tells distances from it."""
-
-KINDS: tuple[Kind, ...] = (to_capsule, to_tapered_capsule, to_box, to_plane)
+Kind = type[Shape]
+KINDS: tuple[Kind, ...] = (Capsule, TaperedCapsule, Box, Plane, Cylinder, Ellipsoid)  # a sphere is a short capsule
 
 
 def capsule_distance(points: FloatArray, start: ArrayLike, end: ArrayLike, radius: float) -> FloatArray:
@@ -71,6 +68,39 @@ def box_distance(points: FloatArray, halves: ArrayLike) -> FloatArray:
     return np.where((beyond <= 0).all(axis=1), beyond.max(axis=1), outside)
 
 
+def cylinder_distance(points: FloatArray, half_length: float, radius: float) -> FloatArray:
+    """Distance of points (N, 3) from a cylinder around the z axis, its middle at the origin [m], shape (N,).
+
+    The least of the distances from the lines that its surface shows in the plane through the axis and the point.
+    """
+    at = np.stack([np.linalg.norm(points[:, :2], axis=1), np.abs(points[:, 2])], axis=1)
+    on_side = np.stack([np.full(len(at), radius), np.clip(at[:, 1], 0.0, half_length)], axis=1)
+    on_end = np.stack([np.clip(at[:, 0], 0.0, radius), np.full(len(at), half_length)], axis=1)
+    least = np.minimum(np.linalg.norm(at - on_side, axis=1), np.linalg.norm(at - on_end, axis=1))
+    return np.where((at[:, 0] < radius) & (at[:, 1] < half_length), -least, least)
+
+
+def ellipsoid_distance(points: FloatArray, radii: ArrayLike) -> FloatArray:
+    """Distance of points (N, 3), in the ellipsoid's own frame, from its surface [m], negative inside, shape (N,).
+
+    The nearest of points on its surface, (r_x cos a cos b, r_y cos a sin b, r_z sin a), on ever finer grids. By
+    symmetry an eighth of it will do, in which there is no other local minimum: the others are on other sides.
+    """
+    radii, p = np.asarray(radii, float), np.abs(points)[:, None, None]
+    low, width, every = np.zeros((len(points), 2)), np.pi / 2.0, np.arange(len(points))
+    least, shares = np.full(len(points), np.inf), np.linspace(0.0, 1.0, 17)
+    for _ in range(28):  # down to angles of 1e-8, to which the distance answers with their square
+        a, b = low[:, :1, None] + width * shares[:, None], low[:, 1:, None] + width * shares
+        on = np.stack(np.broadcast_arrays(np.cos(a) * np.cos(b), np.cos(a) * np.sin(b), np.sin(a)), axis=-1) * radii
+        off = np.linalg.norm(on - p, axis=-1).reshape(len(points), -1)
+        best = off.argmin(axis=1)
+        least = np.minimum(least, off[every, best])
+        middle = low + width * shares[np.stack(np.divmod(best, len(shares)), axis=1)]
+        width /= 2.0
+        low = np.clip(middle - width / 2.0, 0.0, np.pi / 2.0 - width)
+    return np.where(((points / radii) ** 2).sum(axis=1) < 1.0, -least, least)
+
+
 def tapered_sizes(length: float, start_radius: float, end_radius: float) -> tuple[float, float, float, float]:
     """What the kernels know of a tapered capsule: the angle between axis and surface by its sine and tangent."""
     angle = np.arcsin((start_radius - end_radius) / length)
@@ -80,12 +110,16 @@ def tapered_sizes(length: float, start_radius: float, end_radius: float) -> tupl
 def reference_distance(kind: Kind, sizes: ArrayLike, points: FloatArray) -> FloatArray:
     """Distance of points (N, 3) in a shape's own frame by the functions of this module, shape (N,)."""
     a, b, c, _ = np.asarray(sizes, float)
-    if kind is to_capsule:
+    if kind is Capsule:
         return capsule_distance(points, (0, 0, 0), (0, 0, a), b)
-    if kind is to_tapered_capsule:
+    if kind is TaperedCapsule:
         return tapered_distance(points, (0, 0, 0), (0, 0, a), (b, b - c * a))
-    if kind is to_box:
+    if kind is Box:
         return box_distance(points, (a, b, c))
+    if kind is Cylinder:
+        return cylinder_distance(points, a, b)
+    if kind is Ellipsoid:
+        return ellipsoid_distance(points, (a, b, c))
     return points[:, 2]
 
 
@@ -97,7 +131,7 @@ def room(count: int) -> Points:
 @cache
 def addresses(kind: Kind) -> tuple[int, int, int]:
     """Where the distances from a kind of shape are: `nearest`, `gaps` and `planes` of a record."""
-    formula, numbers, points = formula_of(kind), ("float",) * 4, Packed(room(1)).kind
+    formula, numbers, points = formula_of(kind.nearest), ("float",) * 4, Packed(room(1)).kind
     wanted = (
         (formula, ("float",) * 7),
         (shapes.gaps.around(formula), (points, "int", "float", *numbers)),
@@ -128,10 +162,12 @@ def record(
     """Colliders of one kind, sizes (C, 4), for so many vertices; bone 0 carries them, in its own frame, unless told."""
     sizes = np.asarray(sizes, float).reshape(-1, 4)
     core = {
-        to_capsule: sizes[:, 1],
-        to_tapered_capsule: np.minimum(sizes[:, 1], sizes[:, 1] - sizes[:, 2] * sizes[:, 0]),
-        to_box: sizes[:, :3].min(axis=1),
-        to_plane: np.full(len(sizes), np.inf),
+        Capsule: sizes[:, 1],
+        TaperedCapsule: np.minimum(sizes[:, 1], sizes[:, 1] - sizes[:, 2] * sizes[:, 0]),
+        Box: sizes[:, :3].min(axis=1),
+        Plane: np.full(len(sizes), np.inf),
+        Cylinder: sizes[:, :2].min(axis=1),
+        Ellipsoid: sizes[:, :3].min(axis=1),
     }
     turned = np.tile(np.eye(3), (len(sizes), 1, 1)) if frames is None else np.asarray(frames, float)
     rows = np.zeros(len(sizes), COLLIDER).view(np.recarray)
@@ -185,6 +221,8 @@ def faces_record(corners: NDArray[np.integer], starts: ArrayLike, tiles: ArrayLi
         due=np.zeros(1, np.int64),
         middles=room(GROUP),
         seen=np.zeros((SEEN, GROUP)),
+        known=np.zeros((corners.shape[1], 10)),
+        known_of=np.full(corners.shape[1], -1),
         haste=np.zeros(1),
         pushed=np.zeros(1, np.int64),
     )
