@@ -9,7 +9,7 @@ from cape.run.batch import Batch
 from cape.run.simulate import SlowWarning, simulate
 from cape.run.simulation import Diverged, Simulation
 from cape.scene.attachments import Attachment, attach
-from cape.scene.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
+from cape.scene.colliders import Box, Collider, Cylinder, Ellipsoid, Plane, Sphere, TaperedCapsule
 from cape.scene.dress import dress
 from cape.scene.jumps import Cuts
 from cape.scene.poses import Pose
@@ -36,7 +36,9 @@ __all__ = [
     "Cloth",
     "Collider",
     "Cuts",
+    "Cylinder",
     "Diverged",
+    "Ellipsoid",
     "Fabric",
     "GridCloth",
     "Ledger",

@@ -9,8 +9,7 @@ from cape.scene.poses import Pose, poses_of, read_pose
 from cape.scene.scene import Scene
 from motions import quaternions
 from skeleton.checks.findings import Finding
-from skeleton.placed_solids import in_world
-from skeleton.shapes import balls_of
+from skeleton.shapes import Bounded
 from skeleton.solid_measures import signed_distance
 from skeleton.track import BoneTrack
 
@@ -81,16 +80,24 @@ def _inside(
 
 def _in_planes(scene: Scene, first: BoneTrack) -> list[Finding]:
     """The solids that start in a plane that stands still."""
-    solids = [c for c in scene.colliders if not isinstance(c, Plane) and c.bone is not None]
+    solids = [c for c in scene.colliders if isinstance(c, Bounded) and c.bone is not None]
     found = []
     for plane in (c for c in scene.colliders if isinstance(c, Plane) and c.bone is None):
         for solid in solids:
-            centers, radii = balls_of(solid)
-            depth = float((radii - signed_distance(plane, in_world(centers, solid.bone, first)[0])).max())
+            depth = _depth_behind(plane, solid, first)
             if depth > IN_FLOOR:
                 text = f"{solid.name} starts in {plane.name} by {1000 * depth:.0f} mm"
                 found.append(Finding("start", text, depth, "m", (0, 0), (solid.name, plane.name)))
     return found
+
+
+def _depth_behind(plane: Plane, solid: Bounded, first: BoneTrack) -> float:
+    """How far a solid gets behind a plane that stands still [m], negative where it is in front of it."""
+    bone = first.index(solid.bone or "")
+    into_bone = quaternions.conjugate(first.rotations_wxyz[0, bone])
+    down = quaternions.rotate(into_bone, -plane.normal / np.linalg.norm(plane.normal))
+    height = signed_distance(plane, first.positions[0, bone][None])[0]
+    return float(solid.support(down[None])[0] - height)
 
 
 def _deepest_first(findings: list[Finding]) -> list[Finding]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
-from skeleton.shapes import Bounded, Box, Capsule, Plane, Shape, balls_of
+from skeleton.shapes import Bounded, Capsule, Shape, require_known
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
@@ -15,13 +15,13 @@ RARE = 0.02  # share of frames that may go below: a foot that sinks in once does
 
 
 def as_capsules(solids: Sequence[Shape]) -> list[Capsule]:
-    """Those of the solids that are round, as capsules on the same bones, tapered ones with their mean radius."""
-    capsules = []
-    for solid in solids:
-        if not isinstance(solid, Box | Plane):
-            centers, radii = balls_of(solid)
-            capsules.append(Capsule(solid.name, solid.bone, centers[0], centers[-1], float(radii.mean())))
-    return capsules
+    """Those of the solids that are round, as capsules on the same bones (`Shape.as_capsule`).
+
+    Raises:
+        UnknownNameError: a solid is of no shape in `skeleton.shapes.SHAPES`.
+    """
+    require_known(solids)
+    return [capsule for solid in solids if (capsule := solid.as_capsule()) is not None]
 
 
 def in_world(points: FloatArray, bone: str | None, track: BoneTrack) -> FloatArray:
@@ -54,9 +54,16 @@ def lowest_points(solids: Sequence[Bounded], track: BoneTrack) -> FloatArray:
     """
     heights = np.empty((track.frames, len(solids)))
     for column, solid in enumerate(solids):
-        centers, radii = balls_of(solid)
-        heights[:, column] = (in_world(centers, solid.bone, track)[..., 2] - radii).min(axis=1)
+        heights[:, column] = solid.lowest(*_poses(solid.bone, track))
     return heights
+
+
+def _poses(bone: str | None, track: BoneTrack) -> tuple[FloatArray, FloatArray]:
+    """Positions (F, 3) [m] and rotations bone_to_world (F, 4) of a bone, of the world for None."""
+    if bone is None:
+        return np.zeros((track.frames, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (track.frames, 1))
+    index = track.index(bone)
+    return track.positions[:, index], track.rotations_wxyz[:, index]
 
 
 def floor_level(solids: Sequence[Shape], track: BoneTrack) -> float | None:
@@ -67,5 +74,5 @@ def floor_level(solids: Sequence[Shape], track: BoneTrack) -> float | None:
     Raises:
         UnknownNameError: a solid's bone isn't in the track.
     """
-    moving = [solid for solid in solids if not isinstance(solid, Plane) and solid.bone is not None]
+    moving = [solid for solid in solids if isinstance(solid, Bounded) and solid.bone is not None]
     return float(np.quantile(lowest_points(moving, track).min(axis=1), RARE)) if moving else None

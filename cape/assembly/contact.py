@@ -1,8 +1,6 @@
 """From colliders to the records that kernels work on."""
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +9,7 @@ from numpy.typing import NDArray
 from cape.assembly.self_contact import layers_of
 from cape.cloth.cloth import Cloth, MeshCloth, areas
 from cape.kernels import store
-from cape.kernels.contact import distance, shapes
+from cape.kernels.contact import shapes
 from cape.kernels.contact.faces import CHUNK, GROUP, SEEN
 from cape.kernels.contact.shapes import COLLIDER, Colliders, Faces, Points
 from cape.kernels.contact.watch import NEVER, TILE
@@ -19,68 +17,10 @@ from cape.kernels.jit import COMPILER_OFF, formula_of
 from cape.kernels.linking import Linker
 from cape.kernels.packing import Packed
 from cape.kernels.self_contact.self_contact import Layers, Pressure
-from cape.scene.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
 from cape.scene.scene import Scene
-from motions import quaternions
-from skeleton.shapes import Capsule
+from skeleton.shapes import Layout
 
 FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Layout:
-    """A shape's own frame, shape_to_bone, its sizes there (`kernels.contact.distance`), its `core`
-    (`kernels.contact.shapes`), and the smallest radius of curvature of its surface [m]."""
-
-    origin: FloatArray
-    rotation: FloatArray
-    sizes: tuple[float, ...]
-    core: float
-    curvature: float
-
-
-def _capsule(collider: Capsule) -> Layout:
-    rotation, length = _along(collider.end - collider.start)
-    return Layout(collider.start, rotation, (length, collider.radius), collider.radius, collider.radius)
-
-
-def _sphere(collider: Sphere) -> Layout:
-    return Layout(collider.center, np.eye(3), (0.0, collider.radius), collider.radius, collider.radius)
-
-
-def _tapered_capsule(collider: TaperedCapsule) -> Layout:
-    rotation, length = _along(collider.end - collider.start)
-    start, end = collider.start_radius, collider.end_radius
-    if length <= abs(start - end):  # one sphere holds the other
-        origin = collider.start if start >= end else collider.end
-        return Layout(origin, rotation, (0.0, max(start, end)), max(start, end), max(start, end))
-    sine, least = (start - end) / length, min(start, end)
-    return Layout(collider.start, rotation, (length, start, sine, sine / math.sqrt(1.0 - sine**2)), least, least)
-
-
-def _box(collider: Box) -> Layout:
-    halves = tuple(float(h) for h in collider.half_sizes)
-    return Layout(collider.center, quaternions.to_matrix(collider.rotation_wxyz), halves, min(halves), 0.0)
-
-
-def _plane(collider: Plane) -> Layout:
-    return Layout(collider.point, _along(collider.normal)[0], (), math.inf, math.inf)
-
-
-LAYOUTS: dict[type[Collider], Callable[..., Layout]] = {
-    Capsule: _capsule,
-    Sphere: _sphere,
-    TaperedCapsule: _tapered_capsule,
-    Box: _box,
-    Plane: _plane,
-}
-DISTANCES: dict[type[Collider], Callable[..., Any]] = {
-    Capsule: distance.to_capsule,
-    Sphere: distance.to_capsule,
-    TaperedCapsule: distance.to_tapered_capsule,
-    Box: distance.to_box,
-    Plane: distance.to_plane,
-}
 
 
 class Contacts(NamedTuple):
@@ -111,7 +51,7 @@ def contacts_of(scene: Scene, cloth: Cloth, free: NDArray[np.bool_]) -> Contacts
     shared = {"spreads": np.zeros((tiles, 3)), "alarm": np.zeros(tiles + 1, dtype=np.int64)}
     colliders = faces = None
     if scene.colliders:
-        layouts = [LAYOUTS[type(collider)](collider) for collider in scene.colliders]
+        layouts = [collider.layout() for collider in scene.colliders]
         colliders = _colliders(scene, layouts, shared)
         faces = _faces(colliders, layouts, cloth)
     layers = layers_of(scene, cloth, **shared)
@@ -124,7 +64,7 @@ def link_distances(scene: Scene, colliders: Colliders, faces: Faces | None, link
     points = Packed(colliders.points).kind
     for kind in dict.fromkeys(map(type, scene.colliders)):
         rows = np.array([type(collider) is kind for collider in scene.colliders])
-        formula = formula_of(DISTANCES[kind])
+        formula = formula_of(kind.nearest)
         numbers = ("float",) * 4
         wanted = {
             "nearest": (formula, ("float",) * 7),
@@ -215,6 +155,8 @@ def _faces(colliders: Colliders, layouts: Sequence[Layout], cloth: Cloth) -> Fac
         due=np.zeros(-(-len(starts) // CHUNK), np.int64),
         middles=_points(GROUP),
         seen=np.zeros((SEEN, GROUP)),
+        known=np.zeros((len(corners), 10)),
+        known_of=np.full(len(corners), -1, np.int64),
         haste=np.zeros(1),
         pushed=np.zeros(1, np.int64),
     )
@@ -239,8 +181,3 @@ def _cover(cloth: Cloth) -> FloatArray:
     acute = a**2 + b**2 > c**2
     around = a * b * c / np.maximum(4.0 * np.abs(areas(flat)), 1e-300)
     return np.where(acute, np.minimum(around, c), c / 2.0)
-
-
-def _along(direction: FloatArray) -> tuple[FloatArray, float]:
-    """A rotation that turns +Z along a direction, shape (3, 3), and the direction's length."""
-    return quaternions.to_matrix(quaternions.from_z_axis(direction)), float(np.linalg.norm(direction))

@@ -28,7 +28,7 @@ class Entry:
     """A compiled function of one group of arguments; other threads may go on while it runs."""
 
     def __init__(self, code: store.Code) -> None:
-        """Call such code."""
+        """Make code in memory callable."""
         self._call = _PROTOTYPE(code.address)
         self._single = NUMBERS.get(code.returns) if isinstance(code.returns, str) else None
         self._several = None

@@ -24,7 +24,8 @@ from numba.np.numpy_support import from_dtype
 from cape.kernels.jit import Function, Intrinsic
 from cape.kernels.packing import ArrayKind, GroupKind, Kind, dtype_of, words_of
 
-_typing, _target = cpu_target.typing_context, cpu_target.target_context
+_typing: Any = cpu_target.typing_context
+_target: Any = cpu_target.target_context
 _typing.refresh()
 _target.refresh()
 
@@ -42,6 +43,7 @@ class GroupType(types.Type):
     """A packed group, `kernels.packing`: a pointer to its table."""
 
     def __init__(self, kind: GroupKind) -> None:
+        """Work out where each field's words are."""
         self.kind = kind
         self.types = {name: type_of(field) for name, field in kind.fields}
         self.words: dict[str, int] = {}
@@ -53,6 +55,7 @@ class GroupType(types.Type):
 
     @property
     def key(self) -> GroupKind:
+        """What tells it from others."""
         return self.kind
 
 
@@ -128,21 +131,26 @@ class FunctionType(types.Callable, types.Opaque):
     """The type of a `Function`, in code that calls it."""
 
     def __init__(self, function: Function) -> None:
+        """The type of one function."""
         self.function = function
         super().__init__(f"function({function.place}, {id(function)})")
 
     @property
     def key(self) -> Function:
+        """What tells it from others."""
         return self.function
 
     def get_call_type(self, context, args, kws):
+        """Lower the function for arguments of these types, and give its signature."""
         assert not kws, f"{self.function.place} is called with keywords"
         return _made(self.function, args).signature
 
     def get_call_signatures(self):
+        """Signatures that it was lowered for."""
         return [made.signature for made in self.function.made.values()], True
 
     def get_impl_key(self, sig):
+        """What the code of a signature is known by."""
         return self.function.made[sig.args]
 
 
@@ -184,21 +192,24 @@ class _Library(codegen.JITCodeLibrary):
         self._finalized = True
 
     def link_and_optimise(self) -> llvm.ModuleRef:
-        order: dict[Any, None] = {}  # who is called before who calls
-
-        def visit(library: Any) -> None:
-            for called in library._linking_libraries if isinstance(library, _Library) else ():
-                if called not in order:
-                    visit(called)
-            order[library] = None
-
-        visit(self)
-        # Who calls comes first: of what nothing calls yet LLVM takes nothing.
-        for library in list(reversed(order))[1:]:
+        # LLVM leaves out what nothing calls yet, so that who calls must come first.
+        for library in list(self._called({}))[-2::-1]:
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         passes, builder = self._codegen._module_pass_manager()
         passes.run(self._final_module, builder)
         return self._final_module
+
+    def _called(self, known: dict[Any, None]) -> dict[Any, None]:
+        """All that this calls, whatever is called before who calls it, and this at last."""
+        for library in self._linking_libraries:
+            if library in known:
+                continue
+            if isinstance(library, _Library):
+                library._called(known)
+            else:
+                known[library] = None
+        known[self] = None
+        return known
 
 
 class _Pipeline(compiler.CompilerBase):
@@ -224,6 +235,9 @@ class _Pipeline(compiler.CompilerBase):
             passes.add_pass(kind, description)
         passes.finalize()
         return [passes]
+
+
+_PIPELINE: Any = _Pipeline
 
 
 class _Typing:
@@ -268,14 +282,14 @@ def _made(function: Function, arguments: tuple[types.Type, ...]) -> _Made:
 
 
 def _lower(function: Function, arguments: tuple[types.Type, ...]) -> _Made:
-    flags = compiler.Flags()
+    flags: Any = compiler.Flags()
     flags.nrt = False  # no reference counts: nothing is allocated here, and callers keep their arrays alive
     flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
     flags.error_model = "numpy"
     flags.noalias, flags.forceinline = function.noalias, function.inline
     library = _Library(_target.codegen(), function.python.__qualname__)
     made = _Made(
-        compiler.compile_extra(_remembering, _target, function.python, arguments, None, flags, {}, library, _Pipeline)
+        compiler.compile_extra(_remembering, _target, function.python, arguments, None, flags, {}, library, _PIPELINE)
     )
     _target.insert_user_function(made, made.description, [library])
     return made
@@ -315,5 +329,6 @@ def _emit(module: llvm.ModuleRef) -> bytes:
 def _returned(kind: types.Type) -> Any:
     kind = types.unliteral(kind)
     if isinstance(kind, types.BaseTuple):
-        return tuple(_returned(part) for part in kind.types)
+        parts: Any = kind
+        return tuple(_returned(part) for part in parts)
     return _NAMES[kind]

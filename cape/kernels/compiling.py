@@ -1,7 +1,7 @@
 """Compiling several pieces on all cores: in this process and in helpers, each of which takes the largest that is left.
 
 Each piece is claimed by who makes a file of its name first. Helpers are new processes, as numba compiles on one thread
-of a process at a time; they need the folder of compiled code to hand over what they made: without it there are none.
+of a process at a time; they hand over what they made in the folder of compiled code, and without it there are none.
 """
 
 import contextlib

@@ -43,6 +43,7 @@ class Function:
         inline: bool = False,
         formula: "Function | None" = None,
     ) -> None:
+        """Nothing is compiled yet."""
         self.python, self.noalias, self.inline, self.formula = python, noalias, inline, formula
         self.made: dict[Any, Any] = {}
         self.__name__, self.__doc__, self.__module__ = python.__name__, python.__doc__, python.__module__
@@ -54,12 +55,15 @@ class Function:
         return own if self.formula is None else f"{own}<{self.formula.place}>"
 
     def __repr__(self) -> str:
+        """Name it."""
         return f"<compiled {self.place}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
+        """Pass it to another process by its name."""
         return find_function, (self.__module__, self.__name__, self.formula)
 
     def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python."""
         if COMPILER_OFF:
             return self.python(*arguments)
         from cape.kernels import calling
@@ -108,6 +112,7 @@ class Loop:
     """A function that is compiled anew around each formula; `around` gives the one for a formula."""
 
     def __init__(self, make: Callable[[Function], Callable[..., Any]]) -> None:
+        """Hold what makes the function around a formula."""
         self._make, self.__name__, self.__doc__ = make, make.__name__, make.__doc__
         self._known: dict[Function, Function] = {}
 
@@ -142,10 +147,12 @@ class Intrinsic:
     """
 
     def __init__(self, define: Callable[..., Any], python: Callable[..., Any]) -> None:
+        """Hold both."""
         self.define, self.python = define, python
         self.__name__, self.__doc__ = define.__name__, define.__doc__
 
     def __call__(self, *arguments: Any) -> Any:
+        """Call what stands in for it in Python."""
         return self.python(*arguments)
 
 

@@ -21,7 +21,8 @@ class ArrayKind(NamedTuple):
     dense: bool
 
     def __str__(self) -> str:
-        text = self.dtype if isinstance(self.dtype, str) else f"record{len(self.dtype)}"
+        """In a few letters."""
+        text = self.dtype if isinstance(self.dtype, str) else f"record of {len(self.dtype[-1])}"
         return f"{text}[{self.dimensions}{'' if self.dense else ' with gaps'}]"
 
 
@@ -32,6 +33,7 @@ class GroupKind(NamedTuple):
     fields: "tuple[tuple[str, Kind], ...]"
 
     def __str__(self) -> str:
+        """With all its fields."""
         return f"{self.name}({', '.join(f'{name}: {kind}' for name, kind in self.fields)})"
 
 
@@ -86,13 +88,13 @@ class Packed:
             dense = value.flags.c_contiguous
             kind = ArrayKind(dtype_text(value.dtype), value.ndim, dense)
             return kind, [address_of(value), *value.shape, *(() if dense else value.strides)]
-        if isinstance(value, bool | np.bool_):
+        if isinstance(value, (bool, np.bool_)):
             return "bool", [int(value)]
-        if isinstance(value, int | np.integer):
-            return "int", [int(np.int64(value))]
-        if isinstance(value, np.float32):
+        if isinstance(value, (int, np.integer)):
+            return "int", [int(np.int64(int(value)))]
+        if isinstance(value, np.floating) and value.itemsize == 4:
             return "single", [int(value.view(np.int32))]
-        if isinstance(value, float | np.floating):
+        if isinstance(value, (float, np.floating)):
             return "float", [int(np.float64(value).view(np.int64))]
         if hasattr(value, "_fields"):
             packed = known.get(id(value))
@@ -119,27 +121,28 @@ def address_of(array: NDArray[Any]) -> int:
 
 
 def dtype_text(dtype: np.dtype[Any]) -> Any:
-    """A dtype as text, or of records as nested tuples of it."""
+    """A dtype as text, or of records as nested tuples: their size, whether they are aligned, and each field."""
     if dtype.names is None:
         return dtype.str
-    return (dtype.itemsize, tuple((name, _field_text(*dtype.fields[name][:2])) for name in dtype.names))
+    fields: Any = dtype.fields
+    return dtype.itemsize, dtype.isalignedstruct, tuple((name, *_field_text(*fields[name][:2])) for name in dtype.names)
 
 
-def _field_text(dtype: np.dtype[Any], offset: int) -> tuple[str, tuple[int, ...], int]:
-    return dtype.base.str, dtype.shape, offset
+def _field_text(dtype: np.dtype[Any], offset: int) -> tuple[Any, tuple[int, ...], int]:
+    return dtype_text(dtype.base), dtype.shape, offset
 
 
 def dtype_of(text: Any) -> np.dtype[Any]:
     """The dtype that `dtype_text` told of."""
     if isinstance(text, str):
         return np.dtype(text)
-    size, fields = text
+    size, aligned, fields = text
     return np.dtype(
         {
-            "names": [name for name, _ in fields],
-            "formats": [(base, shape) if shape else base for _, (base, shape, _) in fields],
-            "offsets": [offset for _, (_, _, offset) in fields],
+            "names": [name for name, _, _, _ in fields],
+            "formats": [np.dtype((dtype_of(base), shape)) for _, base, shape, _ in fields],
+            "offsets": [offset for _, _, _, offset in fields],
             "itemsize": size,
         },
-        align=True,
+        align=aligned,
     )

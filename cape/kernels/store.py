@@ -28,7 +28,7 @@ from cape.kernels.packing import Kind
 log = logging.getLogger("cape.compiling")
 
 ROOT = Path(__file__).parents[2]
-_IMPORT = re.compile(r"^(?:from|import) ((?:cape|skeleton)[\w.]*)(?: import \(?([\w ,]*))?", re.MULTILINE)
+_IMPORT = re.compile(r"^(?:from|import) ((?:cape|skeleton)[\w.]*)(?: import (?:\(([^)]*)\)|([\w ,]*)))?", re.MULTILINE)
 _SETTINGS = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_OPT", "NUMBA_LOOP_VECTORIZE", "NUMBA_SLP_VECTORIZE")
 
 
@@ -67,12 +67,20 @@ class Piece(NamedTuple):
     data: bytes
 
     def pack(self) -> bytes:
-        """One line of JSON, then the object."""
-        return json.dumps([self.symbol, self.returns]).encode() + b"\n" + self.data
+        """A digest of what follows, a line of JSON, the object."""
+        text = json.dumps([self.symbol, self.returns]).encode() + b"\n" + self.data
+        return hashlib.sha256(text).hexdigest().encode() + b"\n" + text
 
     @classmethod
     def unpack(cls, text: bytes) -> "Piece":
-        """The opposite of `pack`."""
+        """The opposite of `pack`.
+
+        Raises:
+            ValueError: it is not what `pack` gave, to the last byte.
+        """
+        digest, _, text = text.partition(b"\n")
+        if digest != hashlib.sha256(text).hexdigest().encode():
+            raise ValueError("compiled code is not whole")
         head, _, data = text.partition(b"\n")
         symbol, returns = json.loads(head)
         return cls(symbol, tuple(returns) if isinstance(returns, list) else returns, data)
@@ -111,7 +119,7 @@ def _digest(modules: tuple[str, ...]) -> str:
             continue
         path = _file_of(module)
         text = known[module] = b"" if path is None else path.read_bytes()
-        if module.startswith("cape.kernels") or not module.startswith("cape"):
+        if module in modules or module.startswith("cape.kernels") or not module.startswith("cape"):
             waiting += _imported(text.decode())
     digest = hashlib.sha256()
     for module in sorted(known):
@@ -120,9 +128,9 @@ def _digest(modules: tuple[str, ...]) -> str:
 
 
 def _imported(text: str) -> Iterable[str]:
-    for module, names in _IMPORT.findall(text):
+    for module, several, one in _IMPORT.findall(text):
         yield module
-        for name in names.replace(",", " ").split():
+        for name in re.findall(r"\w+", several or one):
             if _file_of(f"{module}.{name}") is not None:
                 yield f"{module}.{name}"
 
@@ -150,9 +158,14 @@ def folder() -> Path | None:
         with tempfile.TemporaryFile(dir=place):
             pass
     except OSError as error:
-        log.warning("compiled code can't be kept in %s (%s): it is compiled anew in each run", place, error.strerror)
+        _tell_that_nothing_is_kept(place, error.strerror)
         return None
     return place
+
+
+@cache
+def _tell_that_nothing_is_kept(place: Path, reason: str | None) -> None:
+    log.warning("compiled code can't be kept in %s (%s): it is compiled anew in each run", place, reason)
 
 
 def find(request: Request) -> Piece | None:
@@ -177,22 +190,17 @@ def keep(request: Request, piece: Piece) -> bool:
         unfinished.write_bytes(piece.pack())
         unfinished.replace(path)
     except OSError as error:
-        _warn_of_disk(place, error.strerror)
+        _tell_that_nothing_is_kept(place, error.strerror)
         with contextlib.suppress(OSError):
             unfinished.unlink()
         return False
     return True
 
 
-@cache
-def _warn_of_disk(place: Path, why: str | None) -> None:
-    log.warning("compiled code could not be kept in %s: %s", place, why)
-
-
 # -- in memory --
 
 _loaded: dict[Request, Code] = {}
-_pieces: dict[Request, Piece] = {}  # compiled, but neither loaded nor on disk
+_pieces: dict[Request, Piece] = {}  # compiled, but neither loaded nor kept on disk
 _keepers: list[Any] = []
 _lock = threading.RLock()
 compiled: list[str] = []

@@ -10,7 +10,7 @@ What is in a recording, by entity path (an interface: scripts may rely on it):
 | skeleton | `/world/skeleton` | LineStrips3D | a strip from each bone's parent to the bone | radius, colour |
 | hitboxes | `/world/hitboxes` | Capsules3D | translations, quaternions | lengths, radii, colours, labels |
 | hitboxes | `/world/colliders/<name>` | Boxes3D, Ellipsoids3D | centre, quaternion, if a bone carries it | the rest |
-| hitboxes | `/world/colliders/<name>` | Mesh3D, Transform3D | where a tapered capsule is | its surface, colour, label |
+| hitboxes | `/world/colliders/<name>` | Mesh3D, Transform3D | where any other shape is | its surface, colour, label |
 | shells | `/world/shells`, `/world/shells/<name>` | the same, nameless | the same | the same, grown by the thickness |
 | contacts | `/world/contacts/points` | Points3D | places, colours by depth, class ids | size |
 | contacts | `/world/contacts/normals` | Arrows3D | origins, the normals 5 cm long | colour, radius |
@@ -28,7 +28,8 @@ Lengths are metres in a right-handed world with Z up, in single precision. A row
 frame's number, and `time`, its time [s] as a duration.
 
 A collider that was left out, as the cloth can't reach it, is grey, and its label says so. A plane is drawn as
-a rectangle under all bones, the shell of a box with sharp edges. A contact is a vertex within a collider's thickness at
+a rectangle under all bones, the shell of a box or a cylinder with sharp edges, that of an ellipsoid as the ellipsoid
+whose axes are longer by the thickness at each end. A contact is a vertex within a collider's thickness at
 the end of a frame: its point lies on the collider's surface, green where the vertex is at the outside of the thickness,
 yellow where it is at the surface, red where it is inside the collider.
 

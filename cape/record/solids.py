@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,10 +11,17 @@ from numpy.typing import NDArray
 
 from cape.record.frames import Frames, send_once
 from cape.record.poses import bone_poses, xyzw
-from cape.record.surfaces.revolved import tapered_hull
-from cape.scene.colliders import Box, Collider, Plane, Sphere, TaperedCapsule
+from cape.scene.colliders import Collider
 from motions import quaternions
-from skeleton.shapes import Capsule
+from skeleton.shapes import require_known
+from skeleton.shapes.outlines import (
+    BoxOutline,
+    CapsuleOutline,
+    EllipsoidOutline,
+    MeshOutline,
+    Outline,
+    PatchOutline,
+)
 from skeleton.track import BoneTrack
 
 if TYPE_CHECKING:
@@ -30,7 +37,6 @@ SHELL_COLOR = (90, 230, 190, SHELL_OPACITY)
 MESH_OPACITY = 80  # of 255: about that of Rerun's own translucent fill
 PLANE_MARGIN = 0.5  # [m] that a drawn plane goes on beyond what stands on it
 LABEL_RADIUS = 0.001  # [m] of the point that carries the name of a mesh, which has none itself
-NO_TURN = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def log_hitboxes(
@@ -40,7 +46,11 @@ def log_hitboxes(
     frames: Frames,
     left_out: Collection[str] = (),
 ) -> None:
-    """Put the capsules on `/world/hitboxes`, all other shapes on `/world/colliders/<name>`."""
+    """Put the capsules on `/world/hitboxes`, all other shapes on `/world/colliders/<name>`.
+
+    Raises:
+        UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
+    """
     _Drawing(stream, bones, frames, "/world/hitboxes", ("world", "colliders"), left_out).draw(colliders)
 
 
@@ -51,23 +61,14 @@ def log_shells(
     thicknesses: Sequence[float] | FloatArray,
     frames: Frames,
 ) -> None:
-    """Put the same shapes, grown by the thickness [m] of each, on `/world/shells` and `/world/shells/<name>`."""
-    shells = [grown(collider, float(t)) for collider, t in zip(colliders, thicknesses, strict=True)]
+    """Put the same shapes, grown by the thickness [m] of each, on `/world/shells` and `/world/shells/<name>`.
+
+    Raises:
+        UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
+    """
+    require_known(colliders)
+    shells = [collider.grown(float(t)) for collider, t in zip(colliders, thicknesses, strict=True)]
     _Drawing(stream, bones, frames, "/world/shells", ("world", "shells"), None).draw(shells)
-
-
-def grown(collider: Collider, thickness: float) -> Collider:
-    """A collider whose surface is the thickness [m] further out; a box keeps its sharp edges."""
-    if isinstance(collider, Capsule | Sphere):
-        return replace(collider, radius=collider.radius + thickness)
-    if isinstance(collider, TaperedCapsule):
-        return replace(
-            collider, start_radius=collider.start_radius + thickness, end_radius=collider.end_radius + thickness
-        )
-    if isinstance(collider, Box):
-        return replace(collider, half_sizes=collider.half_sizes + thickness)
-    normal = collider.normal / np.linalg.norm(collider.normal)
-    return replace(collider, point=collider.point + thickness * normal)
 
 
 def labelled(colliders: Sequence[Collider]) -> dict[str, list[Any]]:
@@ -75,14 +76,14 @@ def labelled(colliders: Sequence[Collider]) -> dict[str, list[Any]]:
     import rerun as rr
 
     named: dict[str, list[Any]] = {"/world/hitboxes": [rr.Capsules3D.from_fields(show_labels=True).visualizer()]}
-    for collider in colliders:
+    for collider, outline in zip(colliders, _outlines(colliders), strict=True):
         path = rr.new_entity_path(["world", "colliders", collider.name])
-        if isinstance(collider, TaperedCapsule):
+        if isinstance(outline, MeshOutline):
             label = rr.Points3D.from_fields(show_labels=True)
             named[path] = [rr.Mesh3D.from_fields().visualizer(), label.visualizer()]
-        elif isinstance(collider, Sphere):
+        elif isinstance(outline, EllipsoidOutline):
             named[path] = [rr.Ellipsoids3D.from_fields(show_labels=True).visualizer()]
-        elif isinstance(collider, Box | Plane):
+        elif not isinstance(outline, CapsuleOutline):
             named[path] = [rr.Boxes3D.from_fields(show_labels=True).visualizer()]
     return named
 
@@ -91,7 +92,18 @@ def plane_paths(colliders: Sequence[Collider]) -> list[str]:
     """Entities of `log_hitboxes` that a drawn floor makes superfluous."""
     import rerun as rr
 
-    return [rr.new_entity_path(["world", "colliders", c.name]) for c in colliders if isinstance(c, Plane)]
+    flat = [c for c, outline in zip(colliders, _outlines(colliders), strict=True) if isinstance(outline, PatchOutline)]
+    return [rr.new_entity_path(["world", "colliders", c.name]) for c in flat]
+
+
+def _outlines(colliders: Sequence[Collider]) -> list[Outline]:
+    """How each collider looks.
+
+    Raises:
+        UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
+    """
+    require_known(colliders)
+    return [collider.outline() for collider in colliders]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,18 +128,21 @@ class _Drawing:
 
     def draw(self, colliders: Sequence[Collider]) -> None:
         """Put all colliders where they belong."""
-        capsules = [collider for collider in colliders if isinstance(collider, Capsule)]
+        import rerun as rr
+
+        outlines = list(zip(colliders, _outlines(colliders), strict=True))
+        capsules = [(collider, outline) for collider, outline in outlines if isinstance(outline, CapsuleOutline)]
         if capsules:
-            self._capsules(capsules)
-        for collider in colliders:
-            if isinstance(collider, Sphere):
-                self._sphere(collider)
-            elif isinstance(collider, Box):
-                self._box(collider, collider.center, collider.half_sizes, collider.rotation_wxyz)
-            elif isinstance(collider, Plane):
-                self._box(collider, *self._patch(collider))
-            elif isinstance(collider, TaperedCapsule):
-                self._tapered_capsule(collider)
+            self._capsules([collider for collider, _ in capsules], [outline for _, outline in capsules])
+        for collider, outline in outlines:
+            if isinstance(outline, BoxOutline):
+                self._solid(rr.Boxes3D, collider, outline)
+            elif isinstance(outline, EllipsoidOutline):
+                self._solid(rr.Ellipsoids3D, collider, outline)
+            elif isinstance(outline, PatchOutline):
+                self._solid(rr.Boxes3D, collider, self._patch(collider.bone, outline), flat=True)
+            elif isinstance(outline, MeshOutline):
+                self._mesh(collider, outline)
 
     def _color(self, collider: Collider) -> Color:
         if self.left_out is None:
@@ -150,7 +165,7 @@ class _Drawing:
 
         return rr.new_entity_path([*self.others, collider.name])
 
-    def _capsules(self, capsules: Sequence[Capsule]) -> None:
+    def _capsules(self, colliders: Sequence[Collider], capsules: Sequence[CapsuleOutline]) -> None:
         import rerun as rr
 
         axes = np.array([capsule.end - capsule.start for capsule in capsules])
@@ -160,82 +175,67 @@ class _Drawing:
             rr.Capsules3D.from_fields(
                 lengths=np.linalg.norm(axes, axis=-1),
                 radii=[capsule.radius for capsule in capsules],
-                colors=[self._color(capsule) for capsule in capsules],
+                colors=[self._color(collider) for collider in colliders],
                 fill_mode=rr.components.FillMode.TransparentFillMajorWireframe,
-                **self._names(capsules),
+                **self._names(colliders),
             ),
         )
-        positions, rotations = bone_poses(self.bones, [capsule.bone for capsule in capsules], self.frames)
+        positions, rotations = bone_poses(self.bones, [collider.bone for collider in colliders], self.frames)
         starts = np.array([capsule.start for capsule in capsules])
         translations = positions + quaternions.rotate(rotations, starts)
         turned = quaternions.multiply(rotations, quaternions.from_z_axis(axes))
         columns = {"translations": translations.astype(np.float32), "quaternions": xyzw(turned)}
         self.frames.send(self.stream, self.capsules, rr.Capsules3D, columns)
 
-    def _sphere(self, collider: Sphere) -> None:
-        import rerun as rr
-
-        self._solid(rr.Ellipsoids3D, collider, collider.center, np.full(3, collider.radius), NO_TURN)
-
-    def _box(self, collider: Collider, center: FloatArray, half_sizes: FloatArray, rotation_wxyz: FloatArray) -> None:
-        import rerun as rr
-
-        self._solid(rr.Boxes3D, collider, center, half_sizes, rotation_wxyz)
-
     def _solid(
-        self, archetype: Any, collider: Collider, center: FloatArray, half_sizes: FloatArray, rotation_wxyz: FloatArray
+        self, archetype: Any, collider: Collider, outline: BoxOutline | EllipsoidOutline, *, flat: bool = False
     ) -> None:
-        """A shape with a centre [m] and half sizes [m], turned in its bone's frame."""
+        """A shape with a centre and half sizes, turned in its bone's frame; only its edges where it is `flat`."""
         import rerun as rr
 
-        path, flat = self._path(collider), isinstance(collider, Plane)
+        path = self._path(collider)
         modes = rr.components.FillMode
         fill_mode = modes.MajorWireframe if flat else modes.TransparentFillMajorWireframe
-        shape = {"half_sizes": [half_sizes], "colors": [self._color(collider)], "fill_mode": fill_mode}
+        shape = {"half_sizes": [outline.half_sizes], "colors": [self._color(collider)], "fill_mode": fill_mode}
         send_once(self.stream, path, archetype.from_fields(**shape, **self._names([collider])))
         positions, rotations = bone_poses(self.bones, [collider.bone], self.frames)
-        centers = (positions + quaternions.rotate(rotations, center)).astype(np.float32)
-        turned = xyzw(quaternions.multiply(rotations, rotation_wxyz))
+        centers = (positions + quaternions.rotate(rotations, outline.center)).astype(np.float32)
+        turned = xyzw(quaternions.multiply(rotations, outline.rotation_wxyz))
         if collider.bone is None:
             send_once(self.stream, path, archetype.from_fields(centers=centers[0], quaternions=turned[0]))
         else:
             self.frames.send(self.stream, path, archetype, {"centers": centers, "quaternions": turned})
 
-    def _patch(self, plane: Plane) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Centre, half sizes and turn of the part of a plane, in its bone's frame, that is under all bones."""
+    def _patch(self, bone: str | None, plane: PatchOutline) -> BoxOutline:
+        """The part of a plane, in its bone's frame, that is under all bones."""
         turn = quaternions.from_z_axis(plane.normal)
         positions = self.bones.positions[self.frames.numbers]
-        if plane.bone is not None:
-            own, turns = bone_poses(self.bones, [plane.bone], self.frames)
+        if bone is not None:
+            own, turns = bone_poses(self.bones, [bone], self.frames)
             positions = quaternions.rotate(quaternions.conjugate(turns), positions - own)
         flat = quaternions.rotate(quaternions.conjugate(turn), positions - plane.point)[..., :2].reshape(-1, 2)
         low, high = flat.min(axis=0), flat.max(axis=0)
         center = plane.point + quaternions.rotate(turn, np.array([*(low + high) / 2.0, 0.0]))
-        return center, np.array([*(high - low) / 2.0 + PLANE_MARGIN, 0.0]), turn
+        return BoxOutline(center, np.array([*(high - low) / 2.0 + PLANE_MARGIN, 0.0]), turn)
 
-    def _tapered_capsule(self, collider: TaperedCapsule) -> None:
+    def _mesh(self, collider: Collider, outline: MeshOutline) -> None:
         """A mesh that is made once and moved."""
         import rerun as rr
 
-        path, axis = self._path(collider), collider.end - collider.start
-        vertices, normals, triangles = tapered_hull(
-            float(np.linalg.norm(axis)), collider.start_radius, collider.end_radius
-        )
+        path = self._path(collider)
         mesh = rr.Mesh3D(
-            vertex_positions=vertices,
-            vertex_normals=normals,
-            triangle_indices=triangles,
+            vertex_positions=outline.vertices,
+            vertex_normals=outline.normals,
+            triangle_indices=outline.triangles,
             albedo_factor=[*self._color(collider)[:3], SHELL_OPACITY if self.left_out is None else MESH_OPACITY],
         )
         send_once(self.stream, path, mesh)
         if names := self._names([collider]):
-            middle = [0.0, 0.0, float(np.linalg.norm(axis)) / 2.0]
-            send_once(
-                self.stream, path, rr.Points3D([middle], radii=LABEL_RADIUS, colors=self._color(collider), **names)
-            )
+            color = self._color(collider)
+            send_once(self.stream, path, rr.Points3D([outline.middle], radii=LABEL_RADIUS, colors=color, **names))
         positions, rotations = bone_poses(self.bones, [collider.bone], self.frames)
         columns = {
-            "translation": (positions + quaternions.rotate(rotations, collider.start)).astype(np.float32),
-            "quaternion": xyzw(quaternions.multiply(rotations, quaternions.from_z_axis(axis))),
+            "translation": (positions + quaternions.rotate(rotations, outline.origin)).astype(np.float32),
+            "quaternion": xyzw(quaternions.multiply(rotations, outline.rotation_wxyz)),
         }
         self.frames.send(self.stream, path, rr.Transform3D, columns)

@@ -16,6 +16,7 @@ from cape.results.take import Take
 from cape.scene.colliders import Collider
 from motions import quaternions
 from motions.errors import ValueRangeError
+from skeleton.shapes import require_known
 from skeleton.solid_measures import signed_distance
 
 FloatArray = NDArray[np.float64]
@@ -83,6 +84,7 @@ def penetration(
     Raises:
         ValueRangeError: the spacing is not positive, the margin is negative, a frame is outside of the take, or
             `counted` has a wrong shape.
+        UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
     """
     if not 0.0 < spacing < float("inf"):
         raise ValueRangeError(f"the spacing of samples must be positive and finite, not {spacing}")
@@ -124,6 +126,7 @@ def crossings(take: Take, *, frames: ArrayLike | None = None, counted: ArrayLike
 
     Raises:
         ValueRangeError: a frame is outside of the take, or `counted` has a wrong shape.
+        UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
     """
     chosen, counting = _frames(take, frames), _counted(take, counted)
     solids, inner = _Solids(take), [core(solid) for solid in take.colliders]
@@ -164,6 +167,7 @@ class _Solids:
     """The colliders of a take, where its bones have them."""
 
     def __init__(self, take: Take, margin: float = 0.0) -> None:
+        require_known(take.colliders)
         self._margin = margin
         track = take.bones
         self._solids = take.colliders

@@ -124,7 +124,7 @@ class Batch:
                     pass
                 raise
 
-        run(lambda rank: take_turns(), take_turns, arrivals_for(min(self.threads, len(order))))
+        run(lambda _: take_turns(), take_turns, arrivals_for(min(self.threads, len(order))))
         for index, error in sorted(errors.items()):
             with _named(index):
                 raise error

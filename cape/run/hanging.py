@@ -252,6 +252,7 @@ class Hanging:
             if not sound or not self_contact.may_grow(known):
                 return unconverged, False
             self.assembly = self.assembly.with_layers(self_contact.enlarged(known))
+            self._running.go_on_with(self.assembly)
             self.restore(before)
 
     def advance(self, motion: Motion, duration: float, substeps: int) -> int:

@@ -1,7 +1,7 @@
 """Solids that cloth can't enter, each on a bone or standing still in the world."""
 
-from skeleton.shapes import Box, Capsule, Plane, Shape, Sphere, TaperedCapsule
+from skeleton.shapes import Box, Capsule, Cylinder, Ellipsoid, Plane, Shape, Sphere, TaperedCapsule
 
 Collider = Shape
 
-__all__ = ["Box", "Capsule", "Collider", "Plane", "Sphere", "TaperedCapsule"]
+__all__ = ["Box", "Capsule", "Collider", "Cylinder", "Ellipsoid", "Plane", "Sphere", "TaperedCapsule"]

@@ -12,6 +12,7 @@ from cape.scene.colliders import Collider
 from cape.scene.self_contact import SelfContact
 from cape.scene.wind import Wind
 from motions.errors import ValueRangeError
+from skeleton.shapes import require_known
 
 # Bones, or their roles, that place the wearer's frame.
 WEARER_ROLES = ("left_upper_arm", "right_upper_arm", "pelvis")
@@ -49,9 +50,11 @@ class Scene:
         """Check what can be checked without bones.
 
         Raises:
+            UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
             ValueRangeError: a vertex is attached twice, two colliders share a name, or a value is out of range.
         """
         require_held_once([a.vertices for a in self.attachments if a.within is None])
+        require_known(self.colliders)
         names = [c.name for c in self.colliders]
         doubled = sorted({n for n in names if names.count(n) > 1})
         if doubled:

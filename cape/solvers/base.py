@@ -74,7 +74,7 @@ class Solver(ABC):
         """What one thread does in a frame; programs within programs are made by the linker."""
 
     def begin(self, running: Running) -> None:  # noqa: B027
-        """Prepare for a frame."""
+        """Prepare for a frame; nothing, for most solvers."""
 
     def unconverged(self, running: Running) -> int:
         """How many solves within the last frame did not reach the solver's tolerance, 0 for explicit methods."""

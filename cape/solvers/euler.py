@@ -106,7 +106,7 @@ class SymplecticEuler(Solver):
                 *wait(thread),
                 Use(advance, EulerStep(running.state, arrays.inertia, arrays.total)),
                 *move_bones(thread),
-                *end_substep(thread, holding=True),
+                *end_substep(thread, linker, holding=True),
                 *wait(thread),
             ],
         )

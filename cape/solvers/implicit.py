@@ -16,24 +16,31 @@ from cape.forces.registry import forces_of
 from cape.kernels.cloth.grid import GridBends, GridRoom, GridSprings
 from cape.kernels.cloth.mesh import MeshBends
 from cape.kernels.contact.penalty import Penalty, PenaltyContact, find_touchable, press_colliders
+from cape.kernels.contact.units import note_motion
 from cape.kernels.implicit.conjugate_gradients import CHUNK
 from cape.kernels.implicit.implicit import (
     GAMMA,
     GUARD,
     UNSOLVED,
-    Accelerations,
+    Balance,
+    Holding,
     Placing,
     Problem,
     Settings,
     Stage,
+    System,
     Work,
     aim_backward,
     aim_bdf2,
+    aim_newton_step,
     aim_trapezoid,
+    evaluate,
     find_acceleration,
     hold_back,
     hold_back_at_start,
     keep_acceleration,
+    leave_out_contact,
+    place_attached,
     place_bones,
     solve_stage,
 )
@@ -42,12 +49,14 @@ from cape.kernels.implicit.stiffness import (
     Blocks,
     GridStiffness,
     Matrix,
+    add_contact_blocks,
     add_grid_diagonal,
     invert_diagonal,
     linearise_springs,
     multiply_grid,
     multiply_own,
     set_own,
+    start_diagonal,
 )
 from cape.kernels.linking import Linker
 from cape.kernels.program import Use
@@ -177,8 +186,10 @@ class ImplicitSolver(Solver):
             arrays.work.target, arrays.work.forces,
         )  # fmt: skip
 
-    def _problem(self, thread: Thread, linker: Linker, contact: PenaltyContact | None) -> Problem:
-        """The equations of a stage with some contact, or none."""
+    def _problem(
+        self, thread: Thread, linker: Linker, contact: PenaltyContact | None, *, forcing: float | None = None
+    ) -> Problem:
+        """The equations of a stage with some contact, or none; `forcing` other than the solver's own for one step."""
         running = thread.running
         arrays: ImplicitArrays = running.arrays
         residual = forces(thread, list(arrays.forces), arrays.work.forces, arrays.room[thread.rank])
@@ -189,17 +200,24 @@ class ImplicitSolver(Solver):
             residual.append(Use(add_pressure, PressedForces(pressure, arrays.inertia.mass, arrays.work.forces)))
         linearise, product = self._matrix(thread, contact)
         usual = self.stage / (60.0 * SUBSTEPS)
-        return Problem(
+        chosen = self.forcing if forcing is None else forcing
+        system = System(
             state=running.state,
             inertia=arrays.inertia,
             matrix=arrays.matrix,
             work=arrays.work,
-            settings=Settings(self.tolerance, usual, self.iterations, self.forcing, self.linear_iterations),
+            settings=Settings(self.tolerance, usual, self.iterations, chosen, self.linear_iterations),
             counts=arrays.counts[thread.rank],
+            slope=np.zeros(1),
             residual=linker.program(residual),
             linearise=linker.program(linearise),
             product=linker.program(product),
-            penalty=None if contact is None else arrays.penalty,
+        )
+        return Problem(
+            system=system,
+            evaluate=linker.program([Use(evaluate, system)]),
+            aim=linker.program([Use(aim_newton_step, system)]),
+            pressing=np.zeros((3, 0), arrays.work.forces.dtype) if contact is None else contact.penalty.force,
         )
 
     def _matrix(self, thread: Thread, contact: PenaltyContact | None) -> tuple[list[Use], list[Use]]:
@@ -207,8 +225,10 @@ class ImplicitSolver(Solver):
         running = thread.running
         arrays: ImplicitArrays = running.arrays
         links: Links = arrays.forces[Elastic]
-        blocks = Use(set_own, Blocks(arrays.matrix, None if contact is None else contact.penalty.blocks))
-        invert, own = Use(invert_diagonal, arrays.matrix), Use(multiply_own, arrays.matrix)
+        own = [Use(set_own, arrays.matrix)]
+        if contact is not None:
+            own.append(Use(add_contact_blocks, Blocks(arrays.matrix, contact.penalty.blocks)))
+        start, invert = Use(start_diagonal, arrays.matrix), Use(invert_diagonal, arrays.matrix)
         if isinstance(links.springs, GridSprings):
             assert not isinstance(links.bends, MeshBends)
             grid = GridStiffness(running.state, links.springs, links.bends, arrays.matrix, arrays.scratch[thread.rank])
@@ -217,24 +237,25 @@ class ImplicitSolver(Solver):
             assert not isinstance(links.bends, GridBends)
             mesh = MeshStiffness(running.state, links.springs, links.bends, arrays.matrix)
             first, last, product = Use(linearise_mesh, mesh), Use(add_mesh_diagonal, mesh), Use(multiply_mesh, mesh)
-        return [first, *wait(thread), blocks, last, invert], [own, product]
+        return [first, *wait(thread), *own, start, last, invert], [Use(multiply_own, arrays.matrix), product]
 
-    def _place(self, thread: Thread, at: float) -> Use:
+    def _place(self, thread: Thread, at: float) -> list[Use]:
         """Place the bones, and what they hold, at a share of the step."""
         running = thread.running
-        return Use(
-            place_bones,
-            Placing(
-                running.state, running.motion, thread.bones, running.assembly.attached, thread.contacts.colliders,
-                running.arrays.work.target, at, self.stage,
-            ),
-        )  # fmt: skip
+        attached, colliders = running.assembly.attached, thread.contacts.colliders
+        uses = [Use(place_bones, Placing(running.motion, thread.bones, at))]
+        if colliders is not None:
+            uses.append(Use(note_motion, colliders))
+        if attached is not None:
+            holding = Holding(running.state, attached, thread.bones, running.arrays.work.target, at, self.stage)
+            uses.append(Use(place_attached, holding))
+        return uses
 
-    def _end(self, thread: Thread, earlier: Array | None) -> list[Use]:
+    def _end(self, thread: Thread, linker: Linker, earlier: Array | None) -> list[Use]:
         """Move out what a step leaves deeper than contact forces should, or on a fast limb's other side."""
         penalty = running_penalty(thread)
         force = None if penalty is None else penalty.force
-        return end_substep(thread, pressing=False, earlier=earlier, share=GUARD, force=force)
+        return end_substep(thread, linker, pressing=False, earlier=earlier, share=GUARD, force=force)
 
 
 def running_penalty(thread: Thread) -> Penalty | None:
@@ -254,11 +275,11 @@ class BackwardEuler(ImplicitSolver):
         """One stage, from the step's start to its end."""
         problem = self._problem(thread, linker, contact)
         return [
-            self._place(thread, 0.0),
-            Use(aim_backward, problem),
-            self._place(thread, 1.0),
+            *self._place(thread, 0.0),
+            Use(aim_backward, problem.system),
+            *self._place(thread, 1.0),
             Use(solve_stage, Stage(problem, self.stage)),
-            *self._end(thread, None),
+            *self._end(thread, linker, None),
         ]
 
 
@@ -280,26 +301,32 @@ class TRBDF2(ImplicitSolver):
         """A stage of the trapezoidal rule, one of the backward differentiation formula."""
         problem, work = self._problem(thread, linker, contact), thread.running.arrays.work
         solve, pressure = Use(solve_stage, Stage(problem, self.stage)), thread.contacts.pressure
-        start = Accelerations(self._problem(thread, linker, None), contact, self.stage)
-        balancing = Accelerations(problem, contact, self.stage)
-        uses = [self._place(thread, 0.0), Use(find_acceleration, start)]
+        start = self._problem(thread, linker, None, forcing=self.forcing**3)
+        uses = [*self._place(thread, 0.0), Use(find_acceleration, Stage(start, self.stage))]
+        balancing = None
         if contact is not None:
+            pressing = linker.program([Use(press_colliders, contact)])
+            balancing = Balance(
+                work.acceleration, problem.system.inertia.inverse_mass, contact.penalty, pressing, self.stage
+            )
             uses.append(Use(hold_back_at_start, balancing))
         uses += [
-            Use(aim_trapezoid, problem),
-            self._place(thread, GAMMA),
+            Use(aim_trapezoid, problem.system),
+            *self._place(thread, GAMMA),
             solve,
-            Use(aim_bdf2, problem),
-            self._place(thread, 1.0),
+            Use(aim_bdf2, problem.system),
+            *self._place(thread, 1.0),
             solve,
             Use(keep_acceleration, Stage(problem, self.stage)),
         ]
+        if balancing is not None:
+            uses.append(Use(leave_out_contact, balancing))
         if pressure is not None:
             uses.append(Use(add_held, PressedAcceleration(pressure, work.acceleration, -1.0)))
-        uses += self._end(thread, work.start)
+        uses += self._end(thread, linker, work.start)
         if pressure is not None:
             uses.append(Use(add_held, PressedAcceleration(pressure, work.acceleration, 1.0)))
-        if contact is not None:
+        if balancing is not None:
             uses.append(Use(hold_back, balancing))
         return uses
 

@@ -32,8 +32,9 @@ from cape.kernels.contact.units import (
     wake_faces,
     watch_tiles,
 )
+from cape.kernels.linking import Linker
 from cape.kernels.program import Nothing, Use, wait_for_all
-from cape.kernels.self_contact.self_contact import Layered, Pressed, keep_apart, press
+from cape.kernels.self_contact.self_contact import Layered, Pressed, Searched, keep_apart, press, search_pairs
 from cape.kernels.solve.attachments import Held, Lifted, hold_attached, lift_attached
 from cape.kernels.solve.journal import Noting, NotingForces, note_end, note_integrated, note_pressed
 from cape.solvers.running import Thread
@@ -82,6 +83,7 @@ def move_bones(thread: Thread) -> list[Use]:
 
 def end_substep(
     thread: Thread,
+    linker: Linker,
     *,
     pressing: bool = True,
     holding: bool = False,
@@ -93,6 +95,7 @@ def end_substep(
 
     Args:
         thread: who does it.
+        linker: makes programs within programs.
         pressing: whether forces between layers act here, rather than within the integration.
         holding: whether attached vertices are put in place here, rather than within the integration.
         earlier: positions at the step's start [m] (at least 3, N), None where they are x - step v.
@@ -113,7 +116,9 @@ def end_substep(
     if contacts.layers is not None:
         uses += wait(thread)
         if thread.is_first:
-            uses.append(Use(keep_apart, Layered(running.state, contacts.layers, thread.inverse_mass)))
+            search = Use(search_pairs, Searched(running.state, contacts.layers, thread.inverse_mass))
+            layered = Layered(running.state, contacts.layers, thread.inverse_mass, linker.program([search]))
+            uses.append(Use(keep_apart, layered))
         uses += wait(thread)
     if thread.journal is not None:
         uses.append(Use(note_end, Noting(running.state, thread.journal)))
@@ -126,9 +131,12 @@ def _keep_out(thread: Thread, earlier: NDArray[np.floating] | None, share: float
     colliders, faces = contacts.colliders, contacts.faces
     if colliders is None:
         return []
+    straight = earlier is None
+    start = np.zeros((1, 1), running.state.x.dtype) if earlier is None else earlier
     contact = Contact(
-        running.state, thread.inverse_mass, contacts.free, earlier, colliders, thread.bones, share, contacts.settled
-    )
+        running.state, thread.inverse_mass, contacts.free, start, straight, colliders, thread.bones, share,
+        contacts.settled,
+    )  # fmt: skip
     uses = [Use(watch_tiles, Nearby(running.state, colliders, thread.bones, running.duration))]
     if faces is not None:
         uses += [Use(keep_out, FirstLook(contact, True)), *wait(thread)]

@@ -32,6 +32,11 @@ class Running:
         self.duration = np.zeros(1)
         self.frames: dict[int, Any] = {}
 
+    def go_on_with(self, assembly: Assembly) -> None:
+        """Take the same assembly with other notes, as `Assembly.with_layers` gives it, for the steps to come."""
+        self.assembly = assembly
+        self.frames.clear()
+
 
 class Thread(NamedTuple):
     """One of `size` threads that share a cloth; `journal` is what its steps are noted in, None for nowhere."""

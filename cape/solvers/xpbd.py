@@ -107,7 +107,7 @@ class XPBD(Solver):
         uses += [Use(fall_all, Falling(running.state, arrays.inertia)), *move_bones(thread)]
         if assembly.attached is not None:
             uses.append(Use(aim_attached, Held(running.state, assembly.attached, thread.bones)))
-        uses += [*wait(thread), solve, *wait(thread), Use(drift_all, running.state), *end_substep(thread)]
+        uses += [*wait(thread), solve, *wait(thread), Use(drift_all, running.state), *end_substep(thread, linker)]
         return Order(begin=[*begin_frame(thread), prepare], substep=[*uses, *wait(thread)])
 
     def _sweeps(self, running: Running) -> tuple[Use, Use]:

@@ -14,7 +14,7 @@ from motions.roles import SIDES
 from skeleton.checks.crossings import NEAR, bones_between
 from skeleton.model import Skeleton
 from skeleton.robot.collision_geometry import add_to_geometry_model
-from skeleton.shapes import Bounded
+from skeleton.shapes import Shape
 
 FloatArray = NDArray[np.float64]
 
@@ -40,13 +40,13 @@ class Apart:
     until the task sees it. What should be deep in each other so comes to rest less deep.
     """
 
-    def __init__(self, body: Skeleton, solids: Sequence[Bounded], model: Any):
+    def __init__(self, body: Skeleton, solids: Sequence[Shape], model: Any):
         """Find what can get in each other's way.
 
         Args:
             body: the robot.
             solids: around its bones. An arm's are those from the forearm on. Those of neighbouring bones, and of bones
-                at most `checks.crossings.NEAR` apart that overlap where `model` is neutral, are let be.
+                at most `skeleton.crossings.NEAR` apart that overlap where `model` is neutral, are let be.
             model: of the body, which may have more frames.
 
         Raises:

@@ -16,7 +16,7 @@ from motions import quaternions
 from motions.errors import UserError
 from skeleton.model import Skeleton
 from skeleton.retargeting.arm_avoidance import Apart
-from skeleton.shapes import Bounded
+from skeleton.shapes import Shape
 
 if TYPE_CHECKING:
     import pinocchio
@@ -102,14 +102,14 @@ def follow(
     first_wxyz: FloatArray,
     fps: float,
     top_speed: float,
-    solids: Sequence[Bounded] = (),
+    solids: Sequence[Shape] = (),
 ) -> Followed:
     """Configurations that come nearest to the targets, by weighted least squares within the robot's limits.
 
     Each frame is solved by Gauss-Newton steps from the solution of the frame before, the first from the neutral
     configuration. A step is a quadratic program within the joints' limits, cut to where a joint can get from the frame
     before at its top speed (`top_speed_of`), with the points that have to be above the floor there, and with arms kept
-    out of what they shouldn't be in (`arm_avoidance`).
+    out of what they shouldn't be in (`skeleton.apart`).
 
     Args:
         robot: with a root that moves freely.

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from motions.errors import ValueRangeError
 from skeleton.shapes import Capsule, TaperedCapsule
-from skeleton.solid_measures import hull_of_spheres_volume, signed_distance, union_volume, volume
+from skeleton.shapes.hulls import hull_of_spheres_volume
+from skeleton.solid_measures import signed_distance, union_volume, volume
 
 FloatArray = NDArray[np.float64]
 
@@ -224,7 +225,7 @@ def _inner(points: FloatArray, weights: FloatArray, quantile: float) -> NDArray[
 def _reaches(points: FloatArray, start: FloatArray, end: FloatArray, sine: float) -> tuple[FloatArray, float]:
     """First radius that a hull of two spheres needs to reach each point, and the length of its axis.
 
-    The second sphere is smaller by sine * length. Follows `solid_measures.signed_distance`, solved for the radius.
+    The second sphere is smaller by sine * length. Follows `measures.signed_distance`, solved for the radius.
     """
     axis = end - start
     length = max(float(np.sqrt(axis @ axis)), 1e-12)

@@ -15,7 +15,7 @@ from skeleton.robot.capsule_fitting import QUANTILE, fit_solids, weighted_quanti
 from skeleton.robot.links import Link, LinkReport, body_height, find_links, in_neutral_pose
 from skeleton.robot.mirror import Mirror
 from skeleton.robot.solid_files import read_solids, write_solids
-from skeleton.shapes import Bounded, Capsule, TaperedCapsule
+from skeleton.shapes import Bounded, Capsule, Shape, TaperedCapsule
 from skeleton.solid_measures import signed_distance, union_volume
 
 FloatArray = NDArray[np.float64]
@@ -72,7 +72,7 @@ class Hitboxes:
     """
 
     robot: str
-    solids: tuple[Bounded, ...]
+    solids: tuple[Shape, ...]
     left_out: Mapping[str, str] = field(default_factory=dict)
     qualities: Mapping[str, Quality] = field(default_factory=dict)
     decisions: tuple[str, ...] = ()
@@ -88,7 +88,7 @@ class Hitboxes:
 
 
 def load_hitboxes(path: str | Path, body: Skeleton | None = None) -> Hitboxes:
-    """Read hitboxes from a TOML file; see `solid_files` for what it holds.
+    """Read hitboxes from a TOML file; see `skeleton.solid_files` for what it holds.
 
     Args:
         path: the file.
@@ -262,12 +262,7 @@ def _grown_to_hold(
     """The solids, so much thicker that their union holds the share of the points."""
     distances = np.min([signed_distance(solid, points) for solid in solids], axis=0)
     lack = max(weighted_quantile(distances, areas, quantile), 0.0)
-    return tuple(
-        replace(solid, radius=solid.radius + lack)
-        if isinstance(solid, Capsule)
-        else replace(solid, start_radius=solid.start_radius + lack, end_radius=solid.end_radius + lack)
-        for solid in solids
-    )
+    return tuple(solid.grown(lack) for solid in solids)
 
 
 _ROUNDING = 1e-9

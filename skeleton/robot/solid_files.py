@@ -17,48 +17,28 @@ import json
 import math
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from motions.errors import FileError, UserError
+from motions.errors import FileError, UnknownNameError, UserError
 from motions.files import write_text
-from skeleton.shapes import Bounded, Box, Capsule, Sphere, TaperedCapsule
+from skeleton.shapes import SHAPES, Shape, shape_named, word_of
 
-
-@dataclass(frozen=True)
-class _Kind:
-    """What a table of a kind of solid holds: for each key the length of its list, 0 for a single number."""
-
-    make: type[Bounded]
-    needed: Mapping[str, int]
-    optional: Mapping[str, int]
-
-    @property
-    def numbers(self) -> dict[str, int]:
-        return {**self.needed, **self.optional, "friction": 0, "thickness": 0}
-
-
-_KINDS: Mapping[str, _Kind] = {
-    "capsule": _Kind(Capsule, {"start": 3, "end": 3, "radius": 0}, {}),
-    "tapered_capsule": _Kind(TaperedCapsule, {"start": 3, "end": 3, "start_radius": 0, "end_radius": 0}, {}),
-    "sphere": _Kind(Sphere, {"center": 3, "radius": 0}, {}),
-    "box": _Kind(Box, {"center": 3, "half_sizes": 3}, {"rotation_wxyz": 4}),
-}
+_COMMON = {"friction": 0, "thickness": 0}
 _TEXTS = ("name", "kind", "bone")
 
 _HEADER = """\
 # Hitboxes of a robot: solids that move with its bones.
 # Lengths are in metres, in the frame of the bone; without a bone in the world, whose z axis points up.
-# kind is "capsule" (start, end, radius), "tapered_capsule" (start, end, start_radius, end_radius),
-# "sphere" (center, radius) or "box" (center, half_sizes, rotation_wxyz: unit quaternion box_to_bone).
-# friction (Coulomb's coefficient) and thickness (distance at which cloth is stopped) may be added to any of them.
+# rotation_wxyz is a unit quaternion from the solid's own axes to the bone's, and may be left out; friction (Coulomb's
+# coefficient) and thickness (distance at which cloth is stopped) may be added to any solid. The kinds, and what is
+# written of each:
 """
 
 
-def write_solids(path: str | Path, robot: str, solids: Sequence[Bounded], remarks: Mapping[str, str]) -> None:
+def write_solids(path: str | Path, robot: str, solids: Sequence[Shape], remarks: Mapping[str, str]) -> None:
     """Write a robot's solids; a file that is there is replaced at the end.
 
     Args:
@@ -69,12 +49,13 @@ def write_solids(path: str | Path, robot: str, solids: Sequence[Bounded], remark
 
     Raises:
         FileError: the file can't be written.
+        UnknownNameError: a solid is of no shape in `skeleton.shapes.SHAPES`.
     """
     tables = [_table(solid, remarks.get(solid.name)) for solid in solids]
-    write_text(Path(path), "\n".join([_HEADER, f"robot = {_text(robot)}\n", *tables]))
+    write_text(Path(path), "\n".join([_header(), f"robot = {_text(robot)}\n", *tables]))
 
 
-def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple[str, tuple[Bounded, ...]]:
+def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple[str, tuple[Shape, ...]]:
     """A robot's name and its solids.
 
     Args:
@@ -98,7 +79,7 @@ def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple
         raise FileError(f"{path}: robot is a text, not {robot!r}")
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise FileError(f"{path}: solids are tables [[solid]]")
-    solids: list[Bounded] = []
+    solids: list[Shape] = []
     for number, table in enumerate(tables, start=1):
         where = f"{path}: solid {number}" + (f" ({table['name']!r})" if "name" in table else "")
         solids.append(_solid(table, where, bones))
@@ -107,13 +88,22 @@ def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple
     return robot, tuple(solids)
 
 
-def _table(solid: Bounded, remark: str | None) -> str:
-    kind = next(name for name, kind in _KINDS.items() if isinstance(solid, kind.make))
+def _header() -> str:
+    """What a file begins with: what it is, and what it may hold."""
+    return _HEADER + "".join(f"#   {word}: {', '.join(shape.numbers)}\n" for word, shape in SHAPES.items())
+
+
+def _table(solid: Shape, remark: str | None) -> str:
+    """The table of a solid.
+
+    Raises:
+        UnknownNameError: it is of no shape in `skeleton.shapes.SHAPES`.
+    """
     lines = [] if remark is None else [f"# {line}" for line in remark.splitlines()]
-    lines += ["[[solid]]", f"name = {_text(solid.name)}", f'kind = "{kind}"']
+    lines += ["[[solid]]", f"name = {_text(solid.name)}", f'kind = "{word_of(solid)}"']
     if solid.bone is not None:
         lines.append(f"bone = {_text(solid.bone)}")
-    for key in _KINDS[kind].numbers:
+    for key in {**solid.numbers, **_COMMON}:
         value = getattr(solid, key)
         if value is not None:
             lines.append(f"{key} = {np.asarray(value, dtype=float).tolist()!r}")
@@ -125,7 +115,7 @@ def _text(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _solid(table: Mapping[str, Any], where: str, bones: Collection[str] | None) -> Bounded:
+def _solid(table: Mapping[str, Any], where: str, bones: Collection[str] | None) -> Shape:
     """The solid of a table.
 
     Raises:
@@ -137,21 +127,20 @@ def _solid(table: Mapping[str, Any], where: str, bones: Collection[str] | None) 
     for key in _TEXTS:
         if not isinstance(table.get(key, ""), str):
             raise FileError(f"{where}: {key} is a text, not {table[key]!r}")
-    kind = _KINDS.get(table["kind"])
-    if kind is None:
-        raise FileError(f"{where}: no kind of solid named {table['kind']!r}; available: {', '.join(_KINDS)}")
-    _only(table, (*_TEXTS, *kind.numbers), where)
-    if missing := [key for key in kind.needed if key not in table]:
-        raise FileError(f"{where} lacks {', '.join(missing)}; a {table['kind']} has {', '.join(kind.needed)}")
+    try:
+        shape = shape_named(table["kind"])
+    except UnknownNameError as error:
+        raise FileError(f"{where}: {error}") from None
+    numbers, needed = {**shape.numbers, **_COMMON}, [key for key in shape.numbers if key not in shape.optional]
+    _only(table, (*_TEXTS, *numbers), where)
+    if missing := [key for key in needed if key not in table]:
+        raise FileError(f"{where} lacks {', '.join(missing)}; a {table['kind']} has {', '.join(needed)}")
     bone = table.get("bone")
     if bones is not None and bone is not None and bone not in bones:
         raise FileError(f"{where}: no bone named {bone!r}; available: {', '.join(bones)}")
-    values = {key: _numbers(table[key], size, f"{where}: {key}") for key, size in kind.numbers.items() if key in table}
-    for key in ("friction", "thickness"):
-        if values.get(key, 0.0) < 0.0:
-            raise FileError(f"{where}: {key} must be zero or more, not {values[key]}")
+    values = {key: _numbers(table[key], size, f"{where}: {key}") for key, size in numbers.items() if key in table}
     try:
-        return kind.make(**{"name": table["name"], "bone": bone, **values})
+        return shape(**{"name": table["name"], "bone": bone, **values})
     except UserError as error:
         raise FileError(f"{where}: {error}") from None
 

@@ -9,13 +9,13 @@ yardsticks include moving the vertices, and so does `grid + advance`.
 import time
 
 import numpy as np
+from cape.kernels.records import State
 from numba import njit
 
 from cape.assembly.springs import springs_of
 from cape.cloth.cloth import GridCloth
 from cape.kernels import baselines
 from cape.kernels.cloth import grid
-from cape.kernels.records import State
 from cape.kernels.solve import euler
 
 REPEATS, VERTICES_A_REPEAT = 30, 100_000

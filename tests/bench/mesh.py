@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from cape.kernels.records import State
 from numba import njit
 
 from cape.assembly.mesh_links import mesh_air_record, mesh_bends_record, mesh_springs_record
@@ -23,7 +24,6 @@ from cape.cloth.triangle_mesh import locality_order, reordered
 from cape.kernels.baselines import move, scalar_step
 from cape.kernels.cloth.mesh import mesh_air_forces, mesh_forces
 from cape.kernels.jit import kernel
-from cape.kernels.records import State
 
 SIZES, BURST, REPEATS = (1_500, 5_000, 10_000), 1e-3, 300
 STEP, DAMPING, BEND_DAMPING = 1e-9, 1e-5, 2e-3  # so short a step that nothing moves

@@ -12,12 +12,12 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+from cape.kernels.records import Motion, State
 
 from cape.assembly.assemble import assemble
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth
 from cape.kernels.jit import driver, kernel
-from cape.kernels.records import Motion, State
 from cape.scene.attachments import attach
 from cape.scene.scene import Scene
 from cape.solvers import XPBD

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from cape.kernels.contact import contact
-from cape.kernels.contact.shapes import DISTANCES, Boxes, Capsules, Planes, TaperedCapsules
-from cape.kernels.records import State
+from cape.kernels.contact.distance import to_box, to_capsule, to_plane, to_tapered_capsule
+from cape.kernels.jit import formula_of, routine
+from cape.kernels.state import State
 from motions import quaternions
 from tests.support.shapes import FloatArray, collide, moving, record, reference_distance, tapered_sizes
 
@@ -18,14 +19,14 @@ SKIN = contact.SKIN * THICKNESS
 COUNT = 48
 
 SIZES = {
-    "arm": (Capsules, (0.5, 0.04, 0.0, 0.0)),
-    "rod": (Capsules, (0.5, 0.005, 0.0, 0.0)),
-    "ball": (Capsules, (0.0, 0.06, 0.0, 0.0)),
-    "thigh": (TaperedCapsules, tapered_sizes(0.5, 0.08, 0.04)),
-    "cone": (TaperedCapsules, tapered_sizes(0.3, 0.005, 0.1)),
-    "board": (Boxes, (0.2, 0.01, 0.3, 0.0)),
-    "cube": (Boxes, (0.1, 0.1, 0.1, 0.0)),
-    "wall": (Planes, (0.0, 0.0, 0.0, 0.0)),
+    "arm": (to_capsule, (0.5, 0.04, 0.0, 0.0)),
+    "rod": (to_capsule, (0.5, 0.005, 0.0, 0.0)),
+    "ball": (to_capsule, (0.0, 0.06, 0.0, 0.0)),
+    "thigh": (to_tapered_capsule, tapered_sizes(0.5, 0.08, 0.04)),
+    "cone": (to_tapered_capsule, tapered_sizes(0.3, 0.005, 0.1)),
+    "board": (to_box, (0.2, 0.01, 0.3, 0.0)),
+    "cube": (to_box, (0.1, 0.1, 0.1, 0.0)),
+    "wall": (to_plane, (0.0, 0.0, 0.0, 0.0)),
 }
 every_shape = pytest.mark.parametrize("name", SIZES)
 
@@ -38,7 +39,7 @@ class Shots:
         self.kind, self.sizes = SIZES[name]
         self.shapes = record(self.kind, self.sizes, thickness=THICKNESS, vertices=COUNT)
         # Ways of one to six radii that meet places in and around the shape in their middle half.
-        core = min(float(self.shapes.colliders.core[0]), 0.1)
+        core = min(float(self.shapes.records.core[0]), 0.1)
         target = self.near(rng, core)
         way = rng.standard_normal((COUNT, 3))
         way *= core * rng.uniform(1.2, 6.0, (COUNT, 1)) / np.linalg.norm(way, axis=1, keepdims=True)
@@ -57,7 +58,7 @@ class Shots:
         self.old = self.start @ before[0].T + before[1]
         new = self.end @ self.after[0].T + self.after[1]
         self.state = State(*new.T.copy(), *((new - self.old) / STEP).T.copy())
-        self.shapes.colliders.origin[:], self.shapes.colliders.frame[:] = origin, frame
+        self.shapes.records.origin[:], self.shapes.records.frame[:] = origin, frame
 
     def near(self, rng: np.random.Generator, core: float) -> FloatArray:
         """Places in the shape and not far from it."""
@@ -99,13 +100,19 @@ class Shots:
         return np.minimum(least, self.distance(self.along(nearest))), low
 
 
+@routine
+def carried(x, y, z, step, m):
+    """Where a point at the start of a step would be at its end, moved along with the first bone."""
+    return contact.carried(x, y, z, 0, contact.turn_of(0, step, m), step, m)
+
+
 def test_what_a_bone_carries_moves_and_turns_with_it():
     rng = np.random.default_rng(3)
     for angle in (0.0, 1e-9, 0.01, 1.0, 3.0):
         axis, velocity, place, point = rng.standard_normal((4, 3))
         axis /= np.linalg.norm(axis)
         m = moving([velocity], spin=[angle / STEP * axis], place=[place])
-        found = contact.carried(*map(float, point), 0, *contact.turn_of(0, STEP, m), STEP, m)
+        found = carried(*map(float, point), STEP, m)
         turned = quaternions.rotate(quaternions.from_rotation_vector(angle * axis), point - (place - STEP * velocity))
         np.testing.assert_allclose(found, place + turned, atol=1e-13)
 
@@ -131,7 +138,7 @@ def test_what_crosses_a_shape_stays_before_the_plane_that_it_hits(name: str, spi
         before = np.stack(shots.state)
         points, against = shots.collide(earlier)
         where = shots.along(share)
-        normals = np.array([DISTANCES[shots.kind](*p, *shots.sizes)[1:] for p in where])
+        normals = np.array([formula_of(shots.kind)(*p, *shots.sizes)[1:] for p in where])
         # Within the thickness, contact moves it along the normal there, which may be another one.
         ahead = np.sum((points - where) * normals, axis=1)
         assert (ahead[hit] > -THICKNESS).all()

@@ -76,9 +76,8 @@ def test_a_frame_that_is_taken_back_forgets_what_it_has_pinched(monkeypatch: pyt
     for _ in pinched.go(0.75):
         pass
     simulation, closed = pinched.simulation, pinched.pose(60)
-    groups = simulation.assembly.ranks[0].contacts.groups
-    assert groups is not None
-    shapes = groups[0]
+    shapes = simulation.assembly.contacts.colliders
+    assert shapes is not None
     assert not shapes.pinched.any()
 
     def stop(_: Hanging):

@@ -46,7 +46,7 @@ class Layers(Run):
 
     def go(self, frames: int, pose: Callable[[float], tuple[ArrayLike, ArrayLike]] | None = None) -> None:
         """Advance by frames of a 60th of a second; `pose` of the share of the time that has passed."""
-        substeps = self.solver.choose_substeps(self.room, FRAME)
+        substeps = self.solver.choose_substeps(self.running, FRAME)
         for frame in range(frames):
             self.step(FRAME, substeps, None if pose is None else pose((frame + 1) / frames))
             assert self.assembly.layers is None or surplus(self.assembly.layers) == 0

@@ -6,13 +6,15 @@ They also run with the compiler off: NUMBA_DISABLE_JIT=1.
 import numpy as np
 import pytest
 
-from cape.kernels.bones import blank_motion
-from cape.kernels.contact.shapes import MOMENT, Capsules, Planes, Shapes
-from cape.kernels.records import Attached, Motion, MotionRoom, State
+from cape.kernels.bones import Motion, MotionRoom
+from cape.kernels.contact.distance import to_capsule, to_plane
+from cape.kernels.contact.shapes import MOMENT, Colliders
 from cape.kernels.solve import attachments
+from cape.kernels.solve.attachments import Attached
+from cape.kernels.state import State
 from motions import quaternions
 from tests.support.scenes import turn_about
-from tests.support.shapes import FloatArray, moving, record
+from tests.support.shapes import FloatArray, moving, record, together
 
 N = 20
 # A few dozen operations on numbers near one.
@@ -102,34 +104,34 @@ def test_rigidly_held_vertices_move_with_their_place(rng: np.random.Generator, l
 # -- out of colliders --
 
 
-def two_walls_and_a_ball(thickness: float) -> tuple[Shapes, Shapes]:
+def two_walls_and_a_ball(thickness: float) -> Colliders:
     """The ground and a wall at x = 0, and a ball of 0.1 m at the origin of bone 1; bone 0 stands still."""
     upright = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-    walls = record(Planes, np.zeros((2, 4)), thickness=thickness, frames=[np.eye(3), upright])
-    return walls, record(Capsules, (0, 0.1, 0, 0), thickness=thickness, bones=[1])
+    walls = record(to_plane, np.zeros((2, 4)), thickness=thickness, frames=[np.eye(3), upright])
+    return together(walls, record(to_capsule, (0, 0.1, 0, 0), thickness=thickness, bones=[1]))
 
 
 def test_a_point_is_led_out_of_all_that_it_is_in():
     thickness, m = 0.01, moving(np.zeros((2, 3)), place=[[0, 0, 0], [0.05, 2.0, 0.05]])
-    groups = two_walls_and_a_ball(thickness)
-    for shapes in groups:
-        shapes.clock[MOMENT] += 1
-    np.testing.assert_allclose(attachments.clear(-0.3, 5.0, -0.2, groups, m), (thickness, 5.0, thickness), atol=1e-15)
-    assert attachments.clear(0.5, 5.0, 0.5, groups, m) == (0.5, 5.0, 0.5)
+    colliders = two_walls_and_a_ball(thickness)
+    colliders.clock[MOMENT] += 1
+    np.testing.assert_allclose(
+        attachments.clear(-0.3, 5.0, -0.2, colliders, m), (thickness, 5.0, thickness), atol=1e-15
+    )
+    assert attachments.clear(0.5, 5.0, 0.5, colliders, m) == (0.5, 5.0, 0.5)
     # Out of the ball alone, straight away from its centre.
-    out = np.array(attachments.clear(0.12, 2.0, 0.05, groups, m))
+    out = np.array(attachments.clear(0.12, 2.0, 0.05, colliders, m))
     np.testing.assert_allclose(out, (0.05 + 0.11, 2.0, 0.05), atol=1e-15)
     # What the cloth can't meet in this frame isn't looked at.
-    groups[0].active[0] = 0
-    assert attachments.clear(-0.3, 5.0, -0.2, groups, m) == (-0.3, 5.0, -0.2)
+    colliders.active[:2] = 1, 2
+    assert attachments.clear(-0.3, 5.0, -0.2, colliders, m) == (-0.3, 5.0, -0.2)
 
 
 def test_between_colliders_each_pass_leads_further_out():
     thickness, m = 0.01, moving(np.zeros((2, 3)), place=[[0, 0, 0], [0.09, 2.0, 0.09]])
-    groups = two_walls_and_a_ball(thickness)
-    for shapes in groups:
-        shapes.clock[MOMENT] += 1
-    x, y, z = attachments.clear(0.0, 2.001, 0.0, groups, m)
+    colliders = two_walls_and_a_ball(thickness)
+    colliders.clock[MOMENT] += 1
+    x, y, z = attachments.clear(0.0, 2.001, 0.0, colliders, m)
     ball = np.linalg.norm(np.array([x, y, z]) - [0.09, 2.0, 0.09]) - 0.1
     assert min(x, z, ball) > thickness - 0.005
     assert min(x, z) >= 0.0
@@ -137,7 +139,7 @@ def test_between_colliders_each_pass_leads_further_out():
 
 def test_what_is_held_drifts_to_where_it_is_clear_at_the_frame_s_end():
     thickness, duration = 0.01, 1 / 60
-    groups = two_walls_and_a_ball(thickness)
+    colliders = two_walls_and_a_ball(thickness)
     # A bone that comes down by 3 cm and turns by 90 degrees about the upright axis, far from the wall.
     place0, place1 = np.array([[0, 0, 0], [1.0, 0.0, 0.03]]), np.array([[0, 0, 0], [1.0, 0.0, 0.0]])
     turn0 = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
@@ -147,8 +149,8 @@ def test_what_is_held_drifts_to_where_it_is_clear_at_the_frame_s_end():
     lift[3] = [0.01, 0.0, 0.02]
     attached = Attached(np.arange(5), np.array([1, 1, 1, 1, 0]), points, lift, np.full((5, 3), np.nan))
     before = lift.copy()
-    m = MotionRoom(*blank_motion(2))
-    attachments.lift_held(0, 4, attached, groups, Motion(place0, turn0, place1, turn1), m, duration)
+    m = MotionRoom.blank(2)
+    attachments.lift_held(0, 4, attached, colliders, Motion(place0, turn0, place1, turn1), m, duration)
     assert attached.drift is not None
     expected = [
         [0.0, 0.0, 0.005 / duration],  # lacks 5 mm of the thickness above the ground
@@ -165,12 +167,12 @@ def test_what_is_held_drifts_to_where_it_is_clear_at_the_frame_s_end():
 
 
 def test_the_drift_is_in_the_frame_of_the_bone():
-    groups = two_walls_and_a_ball(0.01)
+    colliders = two_walls_and_a_ball(0.01)
     # A bone that lies on its side: its +X points down.
     turned = np.array([[1.0, 0.0, 0.0, 0.0], turn_about((0, 1, 0), np.pi / 2)])
     places = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     attached = Attached(np.array([0]), np.array([1]), np.array([[0.0, 0.2, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3)))
-    m = MotionRoom(*blank_motion(2))
-    attachments.lift_held(0, 1, attached, groups, Motion(places, turned, places, turned), m, 0.5)
+    m = MotionRoom.blank(2)
+    attachments.lift_held(0, 1, attached, colliders, Motion(places, turned, places, turned), m, 0.5)
     assert attached.drift is not None
     np.testing.assert_allclose(attached.drift, [[-0.01 / 0.5, 0.0, 0.0]], atol=1e-15)

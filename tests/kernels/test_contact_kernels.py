@@ -6,15 +6,18 @@ They also run with the compiler off: NUMBA_DISABLE_JIT=1.
 import numpy as np
 import pytest
 
+from cape.kernels.bones import MotionRoom
 from cape.kernels.cloth import measure
 from cape.kernels.contact import contact, pinch
-from cape.kernels.contact.shapes import Boxes, Capsules, Planes, Shapes, TaperedCapsules
+from cape.kernels.contact.distance import to_box, to_capsule, to_plane, to_tapered_capsule
+from cape.kernels.contact.shapes import Colliders
 from cape.kernels.contact.watch import TILE
-from cape.kernels.records import MotionRoom, State
+from cape.kernels.state import State
 from motions import quaternions
 from tests.support.scenes import turn_about
 from tests.support.shapes import (
     FloatArray,
+    Kind,
     capsule_distance,
     collide,
     moving,
@@ -22,16 +25,17 @@ from tests.support.shapes import (
     reference_distance,
     still,
     tapered_sizes,
+    touching,
 )
 
 # A few dozen operations on numbers near one.
 ROUNDING = 1e-13
 
 SIZES = {
-    Capsules: (0.4, 0.3, 0.0, 0.0),
-    TaperedCapsules: tapered_sizes(0.5, 0.4, 0.2),
-    Boxes: (0.6, 0.4, 0.5, 0.0),
-    Planes: (0.0, 0.0, 0.0, 0.0),
+    to_capsule: (0.4, 0.3, 0.0, 0.0),
+    to_tapered_capsule: tapered_sizes(0.5, 0.4, 0.2),
+    to_box: (0.6, 0.4, 0.5, 0.0),
+    to_plane: (0.0, 0.0, 0.0, 0.0),
 }
 every_kind = pytest.mark.parametrize("kind", SIZES, ids=lambda k: k.__name__)
 
@@ -109,12 +113,13 @@ def test_response_to_contact(rng: np.random.Generator, friction: float):
     p, v = rng.standard_normal((2, 3, 40))
     here, velocity, spin = rng.standard_normal((3, 2, 3))
     m, s, back, most = moving(velocity, spin=spin, place=here), state(p, v), 0.05, 0.04
+    wall = record(to_plane, SIZES[to_plane], thickness=0.0, friction=friction, bones=[1])
     for i in range(40):
         n = rng.standard_normal(3)
         n /= np.linalg.norm(n)
         depth = rng.uniform(-0.05, 0.1)
         surface = velocity[1] + np.cross(spin[1], p[:, i] - here[1])
-        speed = contact.respond(i, depth, *n, 1, friction, back, most, m, s)
+        speed = contact.respond(touching(s, wall, m), 0, i, depth, *n, back, most)
         expected = responded(p[:, i], v[:, i], depth, n, friction, back, most, surface)
         np.testing.assert_allclose(places(s)[:, i], expected[0], atol=ROUNDING)
         np.testing.assert_allclose(speeds(s)[:, i], expected[1], atol=ROUNDING)
@@ -124,7 +129,7 @@ def test_response_to_contact(rng: np.random.Generator, friction: float):
 # -- out of shapes --
 
 
-def tilted(kind: type[Shapes], rng: np.random.Generator, **settings) -> tuple[Shapes, MotionRoom, FloatArray]:
+def tilted(kind: Kind, rng: np.random.Generator, **settings) -> tuple[Colliders, MotionRoom, FloatArray]:
     """A collider aslant on a bone that is aslant; the bone; shape_to_world as a matrix (3, 4)."""
     bone, frame = turn_about((0.6, 0.0, 0.8), 0.7), turn_about((0, 0.6, 0.8), 0.4)
     here, origin = np.array([0.1, 0.2, -0.1]), np.array([0.05, -0.1, 0.2])
@@ -135,13 +140,13 @@ def tilted(kind: type[Shapes], rng: np.random.Generator, **settings) -> tuple[Sh
     return shapes, m, np.column_stack([matrix @ turned, here + matrix @ origin])
 
 
-def world_distance(kind: type[Shapes], to_world: FloatArray, points: FloatArray) -> FloatArray:
+def world_distance(kind: Kind, to_world: FloatArray, points: FloatArray) -> FloatArray:
     """Reference distance of points (3, N) of the world."""
     return reference_distance(kind, SIZES[kind], (points.T - to_world[:, 3]) @ to_world[:, :3])
 
 
 @every_kind
-def test_colliding_takes_every_free_vertex_out(rng: np.random.Generator, kind: type[Shapes]):
+def test_colliding_takes_every_free_vertex_out(rng: np.random.Generator, kind: Kind):
     count, thickness, step = 8 * TILE + 5, 0.02, 0.5
     p = rng.uniform(-0.6, 0.8, (3, count))
     shapes, m, to_world = tilted(kind, rng, thickness=thickness, friction=0.3, vertices=count)
@@ -156,7 +161,7 @@ def test_colliding_takes_every_free_vertex_out(rng: np.random.Generator, kind: t
 
 
 @every_kind
-def test_what_is_deep_inside_leaves_no_faster_than_it_may(rng: np.random.Generator, kind: type[Shapes]):
+def test_what_is_deep_inside_leaves_no_faster_than_it_may(rng: np.random.Generator, kind: Kind):
     count, thickness, step = 2 * TILE, 0.02, 0.01
     shapes, m, to_world = tilted(kind, rng, thickness=thickness, vertices=count)
     p = to_world[:, 3:] + 0.25 * rng.uniform(-1, 1, (3, count))
@@ -174,7 +179,7 @@ def test_what_is_deep_inside_leaves_no_faster_than_it_may(rng: np.random.Generat
 
 def test_only_the_asked_vertices_and_share_of_the_thickness_are_kept_out():
     count, thickness = 3 * TILE, 0.02
-    shapes = record(Planes, SIZES[Planes], thickness=thickness, vertices=count)
+    shapes = record(to_plane, SIZES[to_plane], thickness=thickness, vertices=count)
     p = np.zeros((3, count))
     s = state(p)
     collide(TILE, 2 * TILE, np.ones(count, bool), s, None, shapes, still(), 0.5, 0, 0.1)
@@ -188,7 +193,9 @@ def test_vertices_are_led_around_all_that_overlap(rng: np.random.Generator, coun
     size, thickness, step = 3 * TILE - 5, 0.02, 0.5
     centers = np.zeros((count, 3))
     centers[:, 0] = [0.0, 0.2, 0.65][:count]
-    shapes = record(Capsules, np.tile((0, 0.5, 0, 0), (count, 1)), thickness=thickness, origins=centers, vertices=size)
+    shapes = record(
+        to_capsule, np.tile((0, 0.5, 0, 0), (count, 1)), thickness=thickness, origins=centers, vertices=size
+    )
     # Beside the plane between two of them, where out is not far: nearer to their axis they pinch what is there.
     p = rng.uniform(-0.02, 0.02, (3, size))
     p[1] += 0.42
@@ -211,7 +218,12 @@ def test_what_two_pinch_is_held_midway_moves_with_both_and_is_squeezed_out(rng: 
     size, thickness, step, radius = TILE, 0.02, 1e-3, 0.5
     centers = np.array([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]])
     shapes = record(
-        Capsules, np.tile((0, radius, 0, 0), (2, 1)), thickness=thickness, origins=centers, bones=[0, 1], vertices=size
+        to_capsule,
+        np.tile((0, radius, 0, 0), (2, 1)),
+        thickness=thickness,
+        origins=centers,
+        bones=[0, 1],
+        vertices=size,
     )
     motion = np.array([[0.3, -0.4, 0.2], [-0.5, 0.1, 0.0]])
     p = rng.uniform(-0.05, 0.05, (3, size))
@@ -247,7 +259,7 @@ def test_what_two_pinch_is_held_midway_moves_with_both_and_is_squeezed_out(rng: 
 
 
 @every_kind
-def test_contacts_and_the_deepest_of_each_kind_of_shape(rng: np.random.Generator, kind: type[Shapes]):
+def test_contacts_and_the_deepest_of_each_kind_of_shape(rng: np.random.Generator, kind: Kind):
     p, counted, thickness = rng.uniform(-1, 1, (3, 300)), rng.uniform(size=300) < 0.7, 0.1
     rotation, here = turn_about((0.6, 0.0, 0.8), 0.7), np.array([0.1, 0.2, -0.1])
     origins = rng.uniform(-0.5, 0.5, (2, 3))
@@ -265,7 +277,7 @@ def test_contacts_and_the_deepest_of_each_kind_of_shape(rng: np.random.Generator
 
     vertices, colliders, places = np.full(700, -1), np.full(700, -1), np.zeros((700, 7))
     depth, which, count = measure.touching(
-        *p, counted, shapes, *bones, still(2), vertices[:650], colliders[:650], places[:650]
+        measure.Touch(state(p), counted, shapes, still(2), *bones, vertices[:650], colliders[:650], places[:650])
     )
     assert (depth, which) == (pytest.approx(deepest.max(), abs=1e-12), np.argmax(deepest))
     assert len(expected) == count > 3
@@ -279,28 +291,28 @@ def test_contacts_and_the_deepest_of_each_kind_of_shape(rng: np.random.Generator
 
     # Too little room: what fits is the same, nothing is written beyond, and all are counted.
     few, of, at = np.full(700, -1), np.full(700, -1), np.zeros((700, 7))
-    again = measure.touching(*p, counted, shapes, *bones, still(2), few[:3], of[:3], at[:3])
+    again = measure.touching(measure.Touch(state(p), counted, shapes, still(2), *bones, few[:3], of[:3], at[:3]))
     assert again == (depth, which, count)
     np.testing.assert_array_equal(few[:3], vertices[:3])
     np.testing.assert_array_equal(at[:3], places[:3])
     assert (few[3:] == -1).all()
     nothing = np.zeros(300, dtype=bool)
-    none = measure.touching(*p, nothing, shapes, *bones, still(2), few, of, at)
+    none = measure.touching(measure.Touch(state(p), nothing, shapes, still(2), *bones, few, of, at))
     assert none == (0.0, -1, 0)
 
 
 @pytest.mark.parametrize("explicit", [False, True], ids=["by its velocity", "from where it was"])
-@pytest.mark.parametrize("kind", [Capsules, TaperedCapsules, Boxes], ids=lambda k: k.__name__)
-def test_what_springs_draw_past_the_middle_in_every_step_gets_out(kind: type[Shapes], explicit: bool):
+@pytest.mark.parametrize("kind", [to_capsule, to_tapered_capsule, to_box], ids=lambda k: k.__name__)
+def test_what_springs_draw_past_the_middle_in_every_step_gets_out(kind: Kind, explicit: bool):
     # Springs to both sides draw it farther than to the middle: whichever side it is on, it would leave by the other.
     step, pull, thickness = 2e-4, 120.0, 0.005
     sizes = {
-        Capsules: (0.4, 0.1, 0.0, 0.0),
-        TaperedCapsules: tapered_sizes(0.5, 0.1, 0.1),
-        Boxes: (0.1, 0.4, 0.5, 0.0),
+        to_capsule: (0.4, 0.1, 0.0, 0.0),
+        to_tapered_capsule: tapered_sizes(0.5, 0.1, 0.1),
+        to_box: (0.1, 0.4, 0.5, 0.0),
     }[kind]
     shapes = record(kind, sizes, thickness=thickness)
-    s = state(np.array([[0.018], [0.0], [0.2 if kind is TaperedCapsules else 0.0]]))
+    s = state(np.array([[0.018], [0.0], [0.2 if kind is to_tapered_capsule else 0.0]]))
     turns = 2 + int((0.1 + thickness) / (contact.EXIT * step))
     for turn in range(turns):
         was = np.stack(s[:3])

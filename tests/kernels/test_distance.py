@@ -5,9 +5,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from cape.kernels.contact.distance import TINY
-from cape.kernels.contact.shapes import DISTANCES, Boxes, Capsules, Planes, Shapes, TaperedCapsules
-from tests.support.shapes import FloatArray, reference_distance, tapered_sizes
+from cape.kernels.contact.distance import TINY, to_box, to_capsule, to_plane, to_tapered_capsule
+from cape.kernels.jit import formula_of
+from tests.support.shapes import FloatArray, Kind, reference_distance, tapered_sizes
 
 # Multiples of 1/64 put many points exactly on axes, faces, edges and diagonals.
 numbers = st.one_of(st.integers(-128, 128).map(lambda k: k / 64), st.floats(-2, 2, allow_subnormal=False))
@@ -28,10 +28,10 @@ def tapered(draw: st.DrawFn) -> tuple[float, float, float, float]:
 
 
 SIZES = {
-    Capsules: st.tuples(lengths, radii, st.just(0.0), st.just(0.0)),
-    TaperedCapsules: tapered(),
-    Boxes: st.tuples(halves, halves, halves, st.just(0.0)),
-    Planes: st.just((0.0, 0.0, 0.0, 0.0)),
+    to_capsule: st.tuples(lengths, radii, st.just(0.0), st.just(0.0)),
+    to_tapered_capsule: tapered(),
+    to_box: st.tuples(halves, halves, halves, st.just(0.0)),
+    to_plane: st.just((0.0, 0.0, 0.0, 0.0)),
 }
 shapes = st.one_of(*(st.tuples(st.just(kind), sizes) for kind, sizes in SIZES.items()))
 # Lengths up to 5 m with a dozen roundings of 2^-53 each; a slope up to 5 multiplies them.
@@ -39,8 +39,8 @@ ROUNDING = 1e-13
 compiling = settings(deadline=None)
 
 
-def distance_from(kind: type[Shapes], sizes, point) -> tuple[float, FloatArray]:
-    distance, *normal = DISTANCES[kind](*map(float, point), *map(float, sizes))
+def distance_from(kind: Kind, sizes, point) -> tuple[float, FloatArray]:
+    distance, *normal = formula_of(kind)(*map(float, point), *map(float, sizes))
     return distance, np.array(normal)
 
 
@@ -67,7 +67,7 @@ def distance_from(kind: type[Shapes], sizes, point) -> tuple[float, FloatArray]:
     ],
 )  # fmt: skip
 def test_capsule_case_by_case(point, length, distance, normal):
-    found, direction = distance_from(Capsules, (length, 0.5, 0, 0), point)
+    found, direction = distance_from(to_capsule, (length, 0.5, 0, 0), point)
     assert found == pytest.approx(distance, abs=1e-12)
     np.testing.assert_allclose(direction, normal, atol=1e-12)
 
@@ -95,7 +95,7 @@ def test_capsule_case_by_case(point, length, distance, normal):
     ],
 )  # fmt: skip
 def test_tapered_capsule_case_by_case(point, radii, distance, normal):
-    found, direction = distance_from(TaperedCapsules, tapered_sizes(2, *radii), point)
+    found, direction = distance_from(to_tapered_capsule, tapered_sizes(2, *radii), point)
     assert found == pytest.approx(distance, abs=1e-12)
     np.testing.assert_allclose(direction, normal, atol=1e-12)
 
@@ -125,13 +125,13 @@ def test_tapered_capsule_case_by_case(point, radii, distance, normal):
     ],
 )  # fmt: skip
 def test_box_case_by_case(point, distance, normal):
-    found, direction = distance_from(Boxes, (1, 2, 3, 0), point)
+    found, direction = distance_from(to_box, (1, 2, 3, 0), point)
     assert found == pytest.approx(distance, abs=1e-15)
     np.testing.assert_allclose(direction, np.array(normal) / np.linalg.norm(normal), atol=1e-15)
 
 
 def test_plane():
-    distance, normal = distance_from(Planes, (0, 0, 0, 0), (1.0, 2.0, -3.0))
+    distance, normal = distance_from(to_plane, (0, 0, 0, 0), (1.0, 2.0, -3.0))
     assert distance == -3.0
     np.testing.assert_array_equal(normal, (0, 0, 1))
 
@@ -142,7 +142,7 @@ def test_the_distance_equals_the_reference_and_the_normal_is_of_length_one(shape
     kind, sizes = shape
     distance, normal = distance_from(kind, sizes, p)
     # The reference finds the place on an axis of up to 2 m to 1e-12, along which the distance changes at most as much.
-    tolerance = 1e-11 if kind is TaperedCapsules else ROUNDING
+    tolerance = 1e-11 if kind is to_tapered_capsule else ROUNDING
     assert distance == pytest.approx(reference_distance(kind, sizes, p[None])[0], abs=tolerance)
     assert np.linalg.norm(normal) == pytest.approx(1.0, abs=ROUNDING)
 
@@ -198,8 +198,8 @@ def test_the_normal_is_the_gradient_of_the_distance(shape, p):
 @compiling
 @given(radii, st.floats(0.05, 2), points)
 def test_equal_radii_make_a_capsule(radius, length, p):
-    tapered, normal = distance_from(TaperedCapsules, tapered_sizes(length, radius, radius), p)
-    capsule, expected = distance_from(Capsules, (length, radius, 0, 0), p)
+    tapered, normal = distance_from(to_tapered_capsule, tapered_sizes(length, radius, radius), p)
+    capsule, expected = distance_from(to_capsule, (length, radius, 0, 0), p)
     assert tapered == capsule
     np.testing.assert_array_equal(normal, expected)
 
@@ -209,14 +209,14 @@ def test_equal_radii_make_a_capsule(radius, length, p):
 def test_a_tapered_capsule_looks_the_same_from_its_other_end(sizes, p):
     length, radius, sine, _ = sizes
     turned = p * (1, 1, -1) + (0, 0, length)
-    other = distance_from(TaperedCapsules, tapered_sizes(length, radius - sine * length, radius), turned)[0]
-    assert distance_from(TaperedCapsules, sizes, p)[0] == pytest.approx(other, abs=2 * ROUNDING)
+    other = distance_from(to_tapered_capsule, tapered_sizes(length, radius - sine * length, radius), turned)[0]
+    assert distance_from(to_tapered_capsule, sizes, p)[0] == pytest.approx(other, abs=2 * ROUNDING)
 
 
 @compiling
 @given(points, st.tuples(halves, halves, halves).map(np.array), st.permutations([0, 1, 2]),
        st.tuples(*(st.sampled_from([-1.0, 1.0]),) * 3))  # fmt: skip
 def test_a_box_looks_the_same_from_all_sides(p, half, order, signs):
-    before, _ = distance_from(Boxes, (*half, 0), p)
-    after, _ = distance_from(Boxes, (*half[order], 0), (p * signs)[order])
+    before, _ = distance_from(to_box, (*half, 0), p)
+    after, _ = distance_from(to_box, (*half[order], 0), (p * signs)[order])
     assert after == pytest.approx(before, abs=ROUNDING)

@@ -11,14 +11,28 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cape import Box, Capsule, Cloth, Collider, Fabric, MeshCloth, Plane, Scene, Sphere
-from cape.assembly.contact import STRETCHED, contacts_of
+from cape.assembly.contact import STRETCHED, Contacts, contacts_of
+from cape.kernels.bones import MotionRoom
 from cape.kernels.contact import faces
-from cape.kernels.contact.shapes import MOMENT, Boxes, Capsules, Faces, Shapes, TaperedCapsules, place
+from cape.kernels.contact.distance import to_box, to_capsule, to_plane, to_tapered_capsule
+from cape.kernels.contact.faces import FaceContact
+from cape.kernels.contact.shapes import MOMENT, Colliders, Faces, place
 from cape.kernels.contact.watch import JOLT, NEVER, TILE
-from cape.kernels.records import State
+from cape.kernels.jit import routine
+from cape.kernels.state import State
 from cape.scene.colliders import TaperedCapsule
 from tests.support.scenes import grid_cloth
-from tests.support.shapes import FloatArray, moving, record, reference_distance, still, tapered_sizes
+from tests.support.shapes import (
+    FloatArray,
+    faces_record,
+    kind_of,
+    moving,
+    record,
+    reference_distance,
+    still,
+    tapered_sizes,
+    touching,
+)
 
 ROUNDING = 1e-12
 
@@ -104,22 +118,37 @@ def test_triangles_of_no_area_have_a_nearest_point(corners):
 # -- the deepest point --
 
 
-def random_shape(kind: str, rng: np.random.Generator) -> Shapes:
+@routine
+def deepest(shapes, ax, ay, az, bx, by, bz, cx, cy, cz):
+    return faces.deepest_on_triangle(shapes, 0, (ax, ay, az), (bx, by, bz), (cx, cy, cz))
+
+
+@routine
+def clearance(shapes, ax, ay, az, bx, by, bz, cx, cy, cz):
+    return faces.clearance(shapes, 0, (ax, ay, az), (bx, by, bz), (cx, cy, cz))
+
+
+@routine
+def respond(contact, i, j, k, u, v, w, depth, nx, ny, nz, step, most):
+    return faces.respond_on_triangle(contact, 0, (i, j, k), (u, v, w), depth, (nx, ny, nz), step, most)
+
+
+def random_shape(kind: str, rng: np.random.Generator) -> Colliders:
     """A shape of 5 to 50 mm."""
     radius = rng.uniform(0.005, 0.05)
     if kind == "capsule":
-        return record(Capsules, (rng.uniform(0.05, 0.3), radius, 0, 0), thickness=0.005)
+        return record(to_capsule, (rng.uniform(0.05, 0.3), radius, 0, 0), thickness=0.005)
     if kind == "sphere":
-        return record(Capsules, (0, radius, 0, 0), thickness=0.005)
+        return record(to_capsule, (0, radius, 0, 0), thickness=0.005)
     if kind == "box":
-        return record(Boxes, (*rng.uniform(0.005, 0.05, 3), 0), thickness=0.005)
+        return record(to_box, (*rng.uniform(0.005, 0.05, 3), 0), thickness=0.005)
     length, other = rng.uniform(0.06, 0.3), rng.uniform(0.005, 0.05)
-    return record(TaperedCapsules, tapered_sizes(length, radius, other), thickness=0.005)
+    return record(to_tapered_capsule, tapered_sizes(length, radius, other), thickness=0.005)
 
 
-def triangle_near(shapes: Shapes, rng: np.random.Generator) -> FloatArray:
+def triangle_near(shapes: Colliders, rng: np.random.Generator) -> FloatArray:
     """A triangle with edges of about 10 to 40 mm whose middle is less than its size off the surface."""
-    reach = 0.02 + shapes.colliders.sizes[0, :3].max()
+    reach = 0.02 + shapes.records.sizes[0, :3].max()
     while True:
         edge = rng.uniform(0.01, 0.04)
         corners = rng.uniform(-1, 1, (3, 3))
@@ -130,11 +159,11 @@ def triangle_near(shapes: Shapes, rng: np.random.Generator) -> FloatArray:
             return corners
 
 
-def distance_at(shapes: Shapes, where: FloatArray) -> FloatArray:
-    return reference_distance(type(shapes), shapes.colliders.sizes[0], where)
+def distance_at(shapes: Colliders, where: FloatArray) -> FloatArray:
+    return reference_distance(kind_of(shapes), shapes.records.sizes[0], where)
 
 
-def refined_depth(shapes: Shapes, corners: FloatArray) -> float:
+def refined_depth(shapes: Colliders, corners: FloatArray) -> float:
     """Least signed distance on a triangle: a grid of points, then finer ones around the best, as it is convex."""
     weights, size, found = COARSE, 1.0, []
     for _ in range(5):
@@ -157,14 +186,14 @@ def test_the_deepest_point_of_a_triangle(kind: str):
     for _ in range(40 if kind == "tapered capsule" else 150):
         shapes = random_shape(kind, rng)
         corners = triangle_near(shapes, rng)
-        distance, nx, ny, nz, *weights = faces.deepest_on_triangle(shapes, 0, *map(float, corners.ravel()))
+        distance, nx, ny, nz, *weights = deepest(shapes, *map(float, corners.ravel()))
         assert min(weights) >= -ROUNDING
         assert sum(weights) == pytest.approx(1.0, abs=ROUNDING)
         where = np.array(weights) @ corners
         assert distance == pytest.approx(distance_at(shapes, where[None])[0], abs=1e-9)
         assert np.linalg.norm((nx, ny, nz)) == pytest.approx(1.0, abs=1e-9)
         least = refined_depth(shapes, corners)
-        if least > -faces.PIERCED * shapes.colliders.core[0]:
+        if least > -faces.PIERCED * shapes.records.core[0]:
             assert distance < least + 1e-4
             inside += least < 0
     assert inside > 5
@@ -177,7 +206,7 @@ def test_clearance_is_never_more_than_a_triangle_s_distance(kind: str):
     for _ in range(60):
         shapes = random_shape(kind, rng)
         corners = triangle_near(shapes, rng)
-        bound = faces.clearance(shapes, 0, *map(float, corners.ravel()))
+        bound = clearance(shapes, *map(float, corners.ravel()))
         least = refined_depth(shapes, corners)
         assert bound <= least + 1e-12
         loose.append(least - bound)
@@ -187,18 +216,18 @@ def test_clearance_is_never_more_than_a_triangle_s_distance(kind: str):
 
 def test_a_look_at_a_group_tells_the_clearance_of_each():
     rng = np.random.default_rng(4)
-    shapes = record(Capsules, (0.2, 0.03, 0, 0), thickness=0.005, origins=(0.1, 0.2, 0.3))
+    shapes = record(to_capsule, (0.2, 0.03, 0, 0), thickness=0.005, origins=(0.1, 0.2, 0.3))
     m = moving(np.zeros((1, 3)), place=[[0.5, 0.0, 0.0]])
     shapes.clock[MOMENT] += 1
-    place(shapes, 0, m.positions, m.matrices)
+    place(shapes, 0, m)
     points = rng.uniform(-0.1, 0.1, (5, 3)) + np.array([0.6, 0.2, 0.3])
     corners = np.array([[0, 1, 2], [4, 2, 3], [1, 3, 4]])
     s, group = one_triangle(points, np.zeros((5, 3)), shapes)
     group = group._replace(corners=np.ascontiguousarray(corners.T))
-    least = faces.look_at_group(group, 1, 3, s, shapes, 0, 0.02)
+    least = faces.look_at_group(touching(s, shapes, m), group, 1, 3, 0, 0.02)
     own = points[corners[1:]] - [0.6, 0.2, 0.3]
-    expected = np.array([faces.clearance(shapes, 0, *map(float, t.ravel())) for t in own]) - 0.02
-    np.testing.assert_allclose(group.seen[:2], expected, atol=1e-15)
+    expected = np.array([clearance(shapes, *map(float, t.ravel())) for t in own]) - 0.02
+    np.testing.assert_allclose(group.middles.gaps[:2], expected, atol=1e-15)
     assert least == pytest.approx(expected.min(), abs=1e-15)
 
 
@@ -210,6 +239,7 @@ def test_a_look_at_a_group_tells_the_clearance_of_each():
 def test_a_point_of_a_triangle_is_stopped_by_impulses_on_its_corners(held: tuple[int, ...], friction: float):
     rng, back, most = np.random.default_rng(4), 0.01, 0.002
     corners, parts = [3, 1, 4], []
+    wall = record(to_plane, np.zeros(4), thickness=0.0, friction=friction)
     for _ in range(30):
         p, v = rng.standard_normal((2, 3, 6))
         s = State(*p.copy(), *v.copy())
@@ -221,7 +251,8 @@ def test_a_point_of_a_triangle_is_stopped_by_impulses_on_its_corners(held: tuple
         n /= np.linalg.norm(n)
         m = moving([velocity], spin=[spin], place=[here])
         depth = rng.uniform(0.0, 0.05)
-        hit = faces.respond_on_triangle(s, inverse, *corners, *w, depth, *n, 0, friction, back, most, m)
+        contact = touching(s, wall, m)._replace(inverse_mass=inverse)
+        hit = respond(contact, *corners, *w, depth, *n, back, most)
         moved, gained = np.stack(s[:3]) - p, np.stack(s[3:]) - v
         others = np.setdiff1d(np.arange(6), [corners[k] for k in range(3) if k not in held])
         np.testing.assert_array_equal(moved[:, others], 0.0)
@@ -259,9 +290,15 @@ def test_a_point_of_a_triangle_is_stopped_by_impulses_on_its_corners(held: tuple
 # -- which triangles --
 
 
-def faces_of(cloth: Cloth, *colliders: Collider, thickness: float = 0.005) -> tuple[Faces, ...] | None:
+def contacts(cloth: Cloth, *colliders: Collider, thickness: float = 0.005) -> Contacts:
     scene = Scene(cloth, colliders=list(colliders), thickness=thickness)
-    return contacts_of(scene, cloth, np.ones(cloth.vertices, bool))[0].faces
+    return contacts_of(scene, cloth, np.ones(cloth.vertices, bool))
+
+
+def faces_of(cloth: Cloth, *colliders: Collider, thickness: float = 0.005) -> Faces:
+    found = contacts(cloth, *colliders, thickness=thickness).faces
+    assert found is not None
+    return found
 
 
 def scattered_mesh(rng: np.random.Generator) -> MeshCloth:
@@ -283,7 +320,7 @@ def test_chosen_are_all_triangles_that_vertices_do_not_hold_off():
     cloth = scattered_mesh(np.random.default_rng(6))
     flat = cloth.corners
     radius, thickness = 0.03, 0.005
-    (found,) = list(faces_of(cloth, Sphere(radius=radius), thickness=thickness) or ())
+    found = faces_of(cloth, Sphere(radius=radius), thickness=thickness)
     chosen = {tuple(sorted(c)) for c in found.corners.T.tolist()}
     assert len(chosen) == found.corners.shape[1]
     # (r + t)^2 - p^2 < r^2, with triangles stretched by 5 %.
@@ -302,7 +339,7 @@ def test_chosen_are_all_triangles_that_vertices_do_not_hold_off():
 
 def test_groups_of_triangles_hang_on_one_tile_each():
     cloth = grid_cloth(np.linspace(0, 0.5, 21), np.linspace(0, 0.4, 17), Fabric())
-    (found,) = list(faces_of(cloth, Sphere(radius=0.002)) or ())
+    found = faces_of(cloth, Sphere(radius=0.002))
     assert found.starts[0] == 0
     assert found.starts[-1] == found.corners.shape[1] == len(cloth.triangles)
     assert (np.diff(found.starts) > 0).all()
@@ -319,9 +356,10 @@ def test_only_thin_colliders_are_watched_by_triangles():
     # The middle of a cell's diagonal is 22.3 mm from its ends when stretched: t (2 r + t) is more from 47.2 mm on.
     limit = ((STRETCHED * 0.015 * np.sqrt(2)) ** 2 / 0.005 - 0.005) / 2
     thin, thick = Sphere(name="thin", radius=0.999 * limit), Sphere(name="thick", radius=1.001 * limit)
-    (found,) = list(faces_of(cloth, thick, thin) or ())
-    np.testing.assert_array_equal(found.shapes.colliders.thin, [False, True])
-    assert faces_of(cloth, thick) is None
+    found = contacts(cloth, thick, thin).colliders
+    assert found is not None
+    np.testing.assert_array_equal(found.records.thin, [False, True])
+    assert contacts(cloth, thick).faces is None
 
 
 @pytest.mark.parametrize(
@@ -339,7 +377,7 @@ def test_only_thin_colliders_are_watched_by_triangles():
 @pytest.mark.filterwarnings("error")
 def test_vertices_alone_keep_off_what_is_thick(collider: Collider):
     cloth = grid_cloth(np.linspace(0, 0.3, 11), np.linspace(0, 0.3, 11), Fabric())
-    assert faces_of(cloth, collider) is None
+    assert contacts(cloth, collider).faces is None
 
 
 @pytest.mark.parametrize(
@@ -356,46 +394,44 @@ def test_vertices_alone_keep_off_what_is_thick(collider: Collider):
 )
 def test_triangles_keep_off_what_is_thin(collider: Collider):
     cloth = grid_cloth(np.linspace(0, 0.3, 11), np.linspace(0, 0.3, 11), Fabric())
-    (found,) = list(faces_of(cloth, collider) or ())
-    assert found.corners.shape[1] == 200
-    assert found.shapes.colliders.thin.all()
+    found = contacts(cloth, collider)
+    assert found.faces is not None
+    assert found.faces.corners.shape[1] == 200
+    assert found.colliders is not None
+    assert found.colliders.records.thin.all()
 
 
 # -- a triangle at work --
 
 
-def one_triangle(points: FloatArray, velocities: FloatArray, shapes: Shapes) -> tuple[State, Faces]:
+def one_triangle(points: FloatArray, velocities: FloatArray, shapes: Colliders) -> tuple[State, Faces]:
     s = State(*np.array(points.T, float), *np.array(velocities.T, float))
-    shapes.colliders.thin = 1
-    return s, Faces(
-        shapes=shapes, corners=np.array([[0], [1], [2]], np.uint32), starts=np.array([0, 1]), tiles=np.array([0]),
-        longest=0.1, wake=np.zeros((1, 1), np.int64), next=np.zeros(1, np.int64), due=np.zeros(1, np.int64),
-        seen=np.zeros(faces.SEEN), haste=np.zeros(1), pushed=np.zeros(1, np.int64),
-    )  # fmt: skip
+    shapes.records.thin = 1
+    return s, faces_record(np.array([[0], [1], [2]]), [0, 1], [0], shapes)._replace(longest=0.1)
 
 
 FLAT = np.array([[-0.02, -0.02, 0.0], [0.02, -0.02, 0.0], [0.0, 0.02, 0.0]])
 STEP = 1.0 / 480.0  # s
 
 
-def meet(s: State, triangles: Faces, m, turn: int, earlier=None) -> None:
-    """Contact of a triangle alone, as if its vertices were all out."""
-    triangles.shapes.clock[MOMENT] += 1
-    faces.collide_faces(s, np.ones(3), earlier, triangles, m, 1.0, turn, STEP)
+def meet(s: State, triangles: Faces, ball: Colliders, m: MotionRoom, turn: int, earlier=None) -> None:
+    """Contact of a triangle alone with a ball, as if its vertices were all out."""
+    ball.clock[MOMENT] += 1
+    faces.collide_faces(FaceContact(touching(s, ball, m, earlier=earlier), triangles), turn, STEP)
 
 
 def gap_of(s: State, center: FloatArray, radius: float) -> float:
     """Distance of a triangle from a sphere."""
-    return refined_depth(record(Capsules, (0, radius, 0, 0), thickness=0.0), np.stack(s[:3], axis=1) - center)
+    return refined_depth(record(to_capsule, (0, radius, 0, 0), thickness=0.0), np.stack(s[:3], axis=1) - center)
 
 
 def test_a_needle_s_tip_is_kept_out_between_three_vertices():
     radius, thickness = 0.003, 0.005
-    ball = record(Capsules, (0, radius, 0, 0), thickness=thickness, origins=(0.0, 0.0, 0.001))
+    ball = record(to_capsule, (0, radius, 0, 0), thickness=thickness, origins=(0.0, 0.0, 0.001))
     s, triangle = one_triangle(FLAT, np.zeros((3, 3)), ball)
     for turn in range(4):
         before = np.stack(s[:3])
-        meet(s, triangle, still(), turn)
+        meet(s, triangle, ball, still(), turn)
         # No faster than it may, and downwards: its middle is below the ball's.
         moved = np.stack(s[:3]) - before
         assert np.linalg.norm(DENSE @ moved.T, axis=1).max() <= 3 * faces.EXIT * STEP
@@ -413,9 +449,9 @@ def test_a_needle_that_passes_in_one_step_takes_the_triangle_along(speed: float,
     way = max(speed * STEP, (radius + thickness) / (1 - share))
     speed = way / STEP
     center = np.array([0.002, 0.001, share * way])
-    ball = record(Capsules, (0, radius, 0, 0), thickness=thickness)
+    ball = record(to_capsule, (0, radius, 0, 0), thickness=thickness)
     s, triangle = one_triangle(FLAT, np.zeros((3, 3)), ball)
-    meet(s, triangle, moving([[0.0, 0.0, speed]], place=[center]), 0, np.stack(s[:3]) if explicit else None)
+    meet(s, triangle, ball, moving([[0.0, 0.0, speed]], place=[center]), 0, np.stack(s[:3]) if explicit else None)
     # The point that was hit is ahead of the needle and goes as fast, but for what others need that are hit thereafter.
     hit = nearest_weights(center, FLAT)
     assert hit @ s.z > center[2] + radius
@@ -431,11 +467,11 @@ def test_what_a_triangle_hits_hard_is_awake_next_time(hard: bool, following: boo
     speed = (1.1 if hard else 0.9) * JOLT / faces.LEVER
     radius = 0.001 if following else 0.02
     assert (speed * STEP > 0.5 * radius) == following
-    ball = record(Capsules, (0, radius, 0, 0), thickness=0.005)
+    ball = record(to_capsule, (0, radius, 0, 0), thickness=0.005)
     s, triangle = one_triangle(FLAT, np.zeros((3, 3)), ball)
     ball.alarm[:] = NEVER
     ball.spreads[:] = measured = (0.03, 0.0, 1.0)
-    meet(s, triangle, moving([[0.0, 0.0, speed]], place=[[0.0, 0.0, -radius]]), 3)
+    meet(s, triangle, ball, moving([[0.0, 0.0, speed]], place=[[0.0, 0.0, -radius]]), 3)
     assert s.vz.max() > 0.0
     assert (ball.alarm[0] == 3) == (hard or following)
     assert (tuple(ball.spreads[0]) != measured) == (hard or following)

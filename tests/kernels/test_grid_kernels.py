@@ -1,16 +1,16 @@
 """The grid's force kernels against slow formulas, on random arrays, and what the compiler made of them."""
 
 import itertools
-import platform
 import re
-from typing import Any
 
 import numpy as np
 import pytest
 
 from cape.kernels import baselines
 from cape.kernels.cloth import grid
-from cape.kernels.records import State
+from cape.kernels.cloth.grid import GridAir, GridAirForces, GridBends, GridForces, GridSprings
+from cape.kernels.state import State
+from tests.support.code import MACHINE, assembly, assembly_of_unit, compiled_only
 
 ROWS, COLUMNS = 9, 7
 N = ROWS * COLUMNS
@@ -42,29 +42,34 @@ class Sheet:
         self.state = State(*(np.array(c, dtype=dtype) for c in (*self.p, *self.v)))
         self.dtype = dtype
 
+    def group(
+        self, *, damping: float | None = TAU, bend_damping: float | None = BEND_TAU, bends: bool = True
+    ) -> GridForces:
+        """Springs and bend springs as the kernels take them, with forces that are not numbers yet."""
+        springs = GridSprings(OFFSETS, self.stiffness.astype(self.dtype), self.rest.astype(self.dtype))
+        bending = GridBends(BEND_OFFSETS, self.bends.astype(self.dtype)) if bends else None
+        forces, room = np.full((3, N), np.nan, self.dtype), grid.grid_room(self.dtype)
+        return GridForces(self.state, springs, bending, damping, bend_damping if bends else None, forces, room)
+
     def forces(
         self, cuts=(0, N), *, damping: float | None = TAU, bend_damping: float | None = BEND_TAU, bends: bool = True
     ) -> np.ndarray:
         """Of springs and bend springs, in ranges between the cuts."""
-        forces, room = np.full((3, N), np.nan, self.dtype), grid.grid_room(self.dtype)
-        springs = OFFSETS, self.stiffness.astype(self.dtype), self.rest.astype(self.dtype), damping
-        bending = (self.bends.astype(self.dtype), bend_damping) if bends else (None, None)
+        group = self.group(damping=damping, bend_damping=bend_damping, bends=bends)
         for lo, hi in itertools.pairwise(cuts):
-            before = forces.copy()
-            grid.grid_forces(lo, hi, self.state, *springs, *bending, *forces, room)
+            before = group.forces.copy()
+            grid.grid_forces(group, lo, hi)
             outside = np.r_[0:lo, hi:N]
-            np.testing.assert_array_equal(forces[:, outside], before[:, outside])
-        return forces
+            np.testing.assert_array_equal(group.forces[:, outside], before[:, outside])
+        return group.forces
 
     def air(self, cuts=(0, N), wind=(1.0, -2.0, 0.5)) -> np.ndarray:
         """Of the air, added to ones."""
-        forces, room = np.ones((3, N), self.dtype), grid.grid_room(self.dtype)
+        air = GridAir(np.array(wind), DENSITY * DRAG / 12, DENSITY * LIFT / 12, self.cells, COLUMNS)
+        group = GridAirForces(self.state, air, np.ones((3, N), self.dtype), grid.grid_room(self.dtype))
         for lo, hi in itertools.pairwise(cuts):
-            grid.grid_air_forces(
-                lo, hi, self.state, np.array(wind), DENSITY * DRAG / 12, DENSITY * LIFT / 12, self.cells, COLUMNS,
-                *forces, room,
-            )  # fmt: skip
-        return forces
+            grid.grid_air_forces(group, lo, hi)
+        return group.forces
 
     def lists(self) -> tuple:
         """Springs and bend springs as lists: first, second, stiffness, rest; vertices, coefficients, stiffness."""
@@ -144,9 +149,10 @@ def test_tiles_give_the_same_bits_as_ranges(monkeypatch: pytest.MonkeyPatch):
     for cuts in ([0, n], [0, 1000, 2500, 4000, n]):
         forces, room = np.zeros((3, n)), grid.grid_room(np.float64)
         for lo, hi in itertools.pairwise(cuts):
-            given = (offsets, springs, rest, TAU, bends, BEND_TAU)
-            grid.grid_forces(lo, hi, state, *given, *forces, room)
-            grid.grid_air_forces(lo, hi, state, np.ones(3), 0.1, 0.1, cells, columns, *forces, room)
+            families, bending = GridSprings(offsets, springs, rest), GridBends(np.array([1, columns]), bends)
+            grid.grid_forces(GridForces(state, families, bending, TAU, BEND_TAU, forces, room), lo, hi)
+            air = GridAir(np.ones(3), 0.1, 0.1, cells, columns)
+            grid.grid_air_forces(GridAirForces(state, air, forces, room), lo, hi)
         results.append(forces)
     np.testing.assert_array_equal(*results)
 
@@ -162,12 +168,11 @@ def test_what_is_none_counts_as_zero():
 
 def test_a_used_room_leaves_no_trace():
     """What a diverged cloth left in the room must not reach the next one, not even times zero."""
-    sheet, room = Sheet(), grid.grid_room(np.float64)
-    room.window[:], room.fluxes[:] = np.nan, np.nan
-    forces = np.zeros((3, N))
-    given = (sheet.state, OFFSETS, sheet.stiffness, sheet.rest, TAU, sheet.bends, BEND_TAU)
-    grid.grid_forces(0, N, *given, *forces, room)
-    np.testing.assert_array_equal(forces, sheet.forces())
+    sheet = Sheet()
+    group = sheet.group()
+    group.room.window[:], group.room.fluxes[:] = np.nan, np.nan
+    grid.grid_forces(group, 0, N)
+    np.testing.assert_array_equal(group.forces, sheet.forces())
 
 
 def test_springs_of_no_length_pull_nowhere():
@@ -217,24 +222,15 @@ def test_the_scalar_yardstick_computes_the_same_forces(bends: bool):
 
 
 def machine_code(dtype: type, *, damping: float | None, bends: bool) -> str:
-    """Assembly of the loop over springs, compiled anew since a cached function has none to show."""
-    from numba import njit, typeof
+    """Assembly of the loop over springs."""
+    from numba import typeof
     from numba.core import types
 
-    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
     array, u64, number = typeof(np.zeros(1, dtype)), types.uint64, typeof(dtype(0))
     table = typeof(np.zeros((4, 2), dtype))
     tau = types.none if damping is None else number
     signature = (u64, u64, u64, u64, u64, array, table, table, tau, table if bends else types.none, array)
-    function: Any = njit(**options)(grid.set_fluxes.py_func)
-    from cape.kernels.jit import _NoAliasCompiler
-
-    plain = function._compiler
-    function._compiler = _NoAliasCompiler(
-        plain.py_func, plain.targetdescr, plain.targetoptions, plain.locals, plain.pipeline_class
-    )
-    function.compile(signature)
-    return next(iter(function.inspect_asm().values()))
+    return assembly(grid.set_fluxes, signature)
 
 
 PACKED = {
@@ -243,8 +239,6 @@ PACKED = {
     ("aarch64", np.float32): (r"fsqrt(\.4s\s+v|\s+v\d+\.4s)", r"fdiv(\.4s\s+v|\s+v\d+\.4s)"),
     ("aarch64", np.float64): (r"fsqrt(\.2d\s+v|\s+v\d+\.2d)", r"fdiv(\.2d\s+v|\s+v\d+\.2d)"),
 }
-MACHINE = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
-compiled_only = pytest.mark.skipif(not hasattr(grid.set_fluxes, "py_func"), reason="the compiler is off")
 
 
 @compiled_only
@@ -269,6 +263,15 @@ def test_what_is_absent_is_not_in_the_machine_code():
     assert differences[0] - differences[1] >= 12
     assert products[1] - products[2] >= 12
     assert differences[1] - differences[2] >= 12
+
+
+@compiled_only
+def test_a_unit_has_no_code_for_what_its_group_lacks():
+    sheet = Sheet()
+    groups = (sheet.group(), sheet.group(damping=None), sheet.group(damping=None, bends=False))
+    lines = [len(assembly_of_unit(grid.grid_springs, group).splitlines()) for group in groups]
+    assert lines[0] > lines[1] + 20
+    assert lines[1] > lines[2] + 20
 
 
 def test_what_is_absent_is_not_read():

@@ -1,21 +1,23 @@
 """Kernels of the implicit solvers against dense matrices and slow formulas."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
-from cape.assembly.assemble import force_model, force_scratch
 from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
+from cape.forces.elastic import Elastic
 from cape.kernels import bones
-from cape.kernels.cloth.forces import compute_forces
-from cape.kernels.implicit import conjugate_gradients, stages, stiffness
-from cape.kernels.records import Motion, MotionRoom, State
+from cape.kernels.bones import Motion, MotionRoom
+from cape.kernels.implicit import conjugate_gradients, stages
+from cape.kernels.linking import Linker
+from cape.kernels.program import run
+from cape.kernels.state import State
+from cape.kernels.team import Team
 from cape.scene.attachments import Attachment
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2
 from cape.solvers.implicit import matrix_of
+from cape.solvers.running import Running, Thread
 from motions import quaternions
 from tests.support.scenes import Run, grid_cloth
 
@@ -37,24 +39,31 @@ class Linear:
         if layout == "mesh":
             cloth = Cloth.from_mesh(cloth.positions, cloth.triangles, fabric=FABRIC)
         scene = Scene(cloth, [Attachment(vertices=np.array([0, 4]), bone="hand")])
-        run = Run(scene, TRBDF2())
-        self.assembly, self.count = run.assembly, cloth.vertices
-        self.model = force_model(run.assembly, np.float64)
-        self.matrix = matrix_of(run.assembly, self.model, np.float64)
-        self.scratch = force_scratch(run.assembly, np.float64)[0]
-        self.rows = np.zeros((3, self.matrix.mass.size))
-        self.inverse = np.zeros((6, self.matrix.mass.size))
+        solver = TRBDF2()
+        bare = Run(scene, solver)
+        self.assembly, self.count = bare.assembly, cloth.vertices
+        positions = stretched * bare.positions + 0.002 * rng.standard_normal(bare.positions.shape)
+        self.x = bare.assembly.inwards(positions).T.copy()
+        self.state = State(*self.x.copy(), *np.zeros((3, self.count)))
+        arrays = solver.arrays(bare.assembly)
+        self.matrix = matrix_of(bare.assembly, arrays.forces[Elastic], np.float64)
+        size = self.matrix.mass.size
+        arrays = arrays._replace(
+            matrix=self.matrix,
+            work=arrays.work._replace(terms=np.zeros(size)),
+            scratch=(np.zeros((3, size)),),
+        )
+        self.linker, self.team = Linker(), Team.alone(self.count)
+        thread = Thread(Running(bare.assembly, self.state, arrays), 0, 1, None)
+        self.system = solver._problem(thread, self.linker, None).system
+        self.linker.link()
         self.own = slice(self.matrix.front, self.matrix.front + self.count)
-        positions = stretched * run.positions + 0.002 * rng.standard_normal(run.positions.shape)
-        self.x = run.assembly.inwards(positions).T.copy()
-        state = State(*self.x.copy(), *np.zeros((3, self.count)))
-        stiffness.prepare(0, self.count, state, self.model, B, self.matrix, None, self.inverse, None)
+        run(self.system.linearise, self.team, 0, 1, B)
 
     def times(self, p: np.ndarray) -> np.ndarray:
-        vector, product = self.rows.copy(), self.rows.copy()
-        vector[:, self.own] = p
-        stiffness.multiply(0, self.count, self.model, self.matrix, B, np.zeros_like(self.rows), vector, product, None)
-        return product[:, self.own]
+        self.matrix.vectors[3][:, self.own] = p
+        run(self.system.product, self.team, 0, 1, B)
+        return self.matrix.vectors[4][:, self.own].copy()
 
     def dense(self) -> np.ndarray:
         """The matrix, rows and columns by coordinate and vertex."""
@@ -62,9 +71,10 @@ class Linear:
         return np.stack([self.times(p).ravel() for p in unit])
 
     def forces(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
-        f = np.zeros((3, self.count))
-        compute_forces(0, self.count, State(*x.copy(), *v.copy()), self.model, *f, self.scratch, None)
-        return f
+        for kept, given in zip(self.state, (*x, *v), strict=True):
+            kept[:] = given
+        run(self.system.residual, self.team, 0, 1, B)
+        return self.system.work.forces.copy()
 
 
 @pytest.mark.parametrize("layout", ["grid", "mesh"])
@@ -94,7 +104,7 @@ def test_the_matrix_is_symmetric_and_positive_definite_also_compressed(layout: s
 def test_the_preconditioner_inverts_each_vertex_s_own_block(layout: str, rng):
     linear = Linear(layout, 1.1, rng)
     dense = linear.dense().reshape(3, linear.count, 3, linear.count)
-    xx, yy, zz, xy, xz, yz = linear.inverse[:, linear.own]
+    xx, yy, zz, xy, xz, yz = linear.matrix.inverse[:, linear.own]
     for i in range(linear.count):
         inverse = np.array([[xx[i], xy[i], xz[i]], [xy[i], yy[i], yz[i]], [xz[i], yz[i], zz[i]]])
         expected = np.linalg.inv(dense[:, i, :, i]) if linear.assembly.free[i] else np.zeros((3, 3))
@@ -104,18 +114,16 @@ def test_the_preconditioner_inverts_each_vertex_s_own_block(layout: str, rng):
 @pytest.mark.parametrize("layout", ["grid", "mesh"])
 def test_conjugate_gradients_solve_the_system_of_the_free_vertices(layout: str, rng):
     linear = Linear(layout, 1.1, rng)
-    size, free = linear.matrix.mass.size, linear.assembly.free
-    vectors: Any = np.zeros((5, 3, size))
+    free = linear.assembly.free
     r = rng.standard_normal((3, linear.count)) * free
+    vectors = linear.matrix.vectors
     vectors[1][:, linear.own] = r
-    iterations, slope = conjugate_gradients.solve_linear(
-        0, linear.count, linear.model, linear.matrix, B, np.zeros((3, size)), linear.inverse, vectors,
-        np.zeros(size), np.zeros((3, 1)), 1e-12, 500, None,
-    )  # fmt: skip
+    assert linear.system.settings.linear_iterations == 500
+    iterations, slope = conjugate_gradients.solve_linear(linear.system, B, 1e-12, linear.team)
+    solution = vectors[0][:, linear.own].copy()
     kept = np.tile(free, 3)
     expected = np.zeros(3 * linear.count)
     expected[kept] = np.linalg.solve(linear.dense()[np.ix_(kept, kept)], r.ravel()[kept])
-    solution = vectors[0][:, linear.own]
     np.testing.assert_allclose(solution.ravel(), expected, atol=1e-10 * np.abs(expected).max())
     assert slope == pytest.approx(float(np.sum(solution * r)), rel=1e-10)
     assert iterations < 100
@@ -132,7 +140,7 @@ def test_bones_are_placed_at_any_time_of_the_frame(rng):
     turns = quaternions.normalize(rng.standard_normal((2, count, 4)))
     turns[1][0] = turns[0][0]
     places = rng.standard_normal((2, count, 3))
-    motion, room = Motion(places[0], turns[0], places[1], turns[1]), MotionRoom(*bones.blank_motion(count))
+    motion, room = Motion(places[0], turns[0], places[1], turns[1]), MotionRoom.blank(count)
     bones.start_motion(motion, room, duration, 1)
     for share in (0.0, 0.3, 1.0):
         stages.place_at(share * duration, motion, room)

@@ -5,10 +5,11 @@ They also run with the compiler off: NUMBA_DISABLE_JIT=1.
 
 import numpy as np
 import pytest
+from cape.kernels.records import Motion, MotionRoom
 
 from cape.kernels import bones
+from cape.kernels.bones import Motion, MotionRoom
 from cape.kernels.cloth import measure
-from cape.kernels.records import Motion, MotionRoom
 from cape.kernels.solve import euler
 from motions import quaternions
 
@@ -34,7 +35,7 @@ def test_advance_takes_a_step_of_symplectic_euler(rng: np.random.Generator):
     forces, weights, gravity, dt = rng.standard_normal((3, N)), rng.uniform(1, 2, N), (0.1, 0.2, -9.0), 0.01
     following = v + dt * (weights * forces + np.array(gravity)[:, None])
     x, u = p.copy(), v.copy()
-    euler.advance(dt, *gravity, weights, *forces, *x, *u)
+    euler.step_all(dt, *gravity, weights, *forces, *x, *u)
     np.testing.assert_allclose(u, following, atol=ROUNDING)
     np.testing.assert_allclose(x, p + dt * following, atol=ROUNDING)
 
@@ -51,7 +52,7 @@ def test_bones_end_where_they_are_sent_and_turn_evenly(rng: np.random.Generator)
     # One bone does not turn at all, and one is given as the opposite quaternion of nearly the same turn.
     motion[3][0] = motion[1][0]
     motion[3][1] = -quaternions.normalize(motion[1][1] + 1e-3)
-    room = MotionRoom(*bones.blank_motion(count))
+    room = MotionRoom.blank(count)
     matrices, velocity, spin, positions = room.matrices, room.velocity, room.spin, room.positions
     bones.start_motion(motion, room, duration, substeps)
     np.testing.assert_array_equal(positions, motion[0])

@@ -3,10 +3,9 @@
 They also run with the compiler off: NUMBA_DISABLE_JIT=1.
 """
 
-import os
 import re
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -15,7 +14,10 @@ from cape.assembly import mesh_links
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth, MeshCloth
 from cape.kernels.cloth import mesh
-from cape.kernels.records import MeshAir, MeshBends, MeshSprings, State
+from cape.kernels.cloth.mesh import MeshAir, MeshAirForces, MeshBends, MeshForces, MeshSprings
+from cape.kernels.state import State
+from cape.kernels.team import Team
+from tests.support.code import assembly, compiled_only
 
 # A few dozen operations on numbers near one, and sums of some twenty of them.
 ROUNDING = {np.float32: 2e-5, np.float64: 4e-14}
@@ -99,10 +101,8 @@ def records(s: Sheet, dtype: type) -> tuple[MeshSprings, MeshBends]:
 def computed(s: Sheet, dtype: type, *, bends: bool, damping: float | None, bend_damping: float | None) -> np.ndarray:
     springs, bending = records(s, dtype)
     forces = np.full((3, s.cloth.vertices), np.nan, dtype)
-    tau, bend_tau = (None if t is None else dtype(t) for t in (damping, bend_damping))
-    mesh.mesh_forces(
-        0, s.cloth.vertices, s.state(dtype), springs, bending if bends else None, tau, bend_tau, *forces, None
-    )
+    group = MeshForces(s.state(dtype), springs, bending if bends else None, damping, bend_damping, forces)
+    mesh.mesh_springs(group, Team.alone(s.cloth.vertices), 0, 1, 1.0)
     return forces.T
 
 
@@ -171,7 +171,8 @@ def test_air():
         force = density / 2 * area * (n @ u) * (drag * u + lift * (speed * n - (n @ u) / speed * u))
         expected[corners] += force / 3
     forces = np.full((3, s.cloth.vertices), 0.25, dtype)
-    mesh.mesh_air_forces(0, s.cloth.vertices, s.state(dtype), air_record(s, dtype), *forces, None)
+    group = MeshAirForces(s.state(dtype), air_record(s, dtype), forces)
+    mesh.mesh_air(group, Team.alone(s.cloth.vertices), 0, 1, 1.0)
     np.testing.assert_allclose(forces.T, expected, atol=ROUNDING[dtype] * np.abs(expected).max())
 
 
@@ -187,18 +188,22 @@ class Spread(NamedTuple):
         s, springs, count = self.state, self.springs, self.state.x.size
         forces = np.zeros((3, count), s.x.dtype)
         ranks = list(pairwise(cuts))
-        f = s.x.dtype.type
+        group = MeshForces(s, springs, self.bends, TAU, BEND_TAU, forces)
+        air, (f, (wind_x, wind_y, wind_z)) = self.air, (s.x.dtype.type, self.air.wind)
         for lo, hi in ranks:
             mesh.pack(lo, hi, *s, springs.words)
-            mesh.pack(lo, hi, *s, self.air.words)
+            mesh.pack(lo, hi, *s, air.words)
         for lo, hi in ranks:
-            mesh.pull_all(lo, hi, s, springs, self.bends, f(TAU), f(BEND_TAU), *forces)
+            mesh.pull_all(group, self.bends, TAU, lo, hi)
         for lo, hi in ranks:
             mesh.collect(lo, hi, springs.sorted_vertices, springs.start, springs.incoming, springs.forces, *forces)
         for lo, hi in ranks:
-            mesh.push_all(lo, hi, s, self.air, *forces)
+            mesh.push(
+                lo, hi, *s, air.words, air.second, air.third, f(wind_x), f(wind_y), f(wind_z), f(1.0 / 3.0),
+                f(air.drag), f(air.lift), air.room, air.forces, *forces,
+            )  # fmt: skip
         for lo, hi in ranks:
-            mesh.collect(lo, hi, self.air.sorted_vertices, self.air.start, self.air.incoming, self.air.forces, *forces)
+            mesh.collect(lo, hi, air.sorted_vertices, air.start, air.incoming, air.forces, *forces)
         return forces
 
 
@@ -212,8 +217,9 @@ def test_the_same_bits_for_any_number_of_ranks():
     for cuts in ([0, 64, n], [0, 192, 256, n], [0, 128, 128, 384, n], [0, 64, 128, 192, 256, 320, 384, n, n]):
         np.testing.assert_array_equal(spread.forces(cuts), alone)
     together = np.zeros_like(alone)
-    mesh.mesh_forces(0, n, spread.state, spread.springs, spread.bends, dtype(TAU), dtype(BEND_TAU), *together, None)
-    mesh.mesh_air_forces(0, n, spread.state, spread.air, *together, None)
+    group = MeshForces(spread.state, spread.springs, spread.bends, TAU, BEND_TAU, together)
+    mesh.mesh_springs(group, Team.alone(n), 0, 1, 1.0)
+    mesh.mesh_air(MeshAirForces(spread.state, spread.air, together), Team.alone(n), 0, 1, 1.0)
     np.testing.assert_array_equal(together, alone)
 
 
@@ -234,20 +240,16 @@ def enumerate_pairs(hinge: np.ndarray) -> list[tuple[int, tuple[int, int]]]:
     return [(i, (int(a), int(hinge[j]))) for i, a in enumerate(hinge) for j in range(i + 1, 4)]
 
 
-@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="looks at what the compiler makes")
+@compiled_only
 def test_roots_are_taken_many_at_once():
-    from numba import njit, typeof
+    from numba import typeof
 
     s = sheet(0, 5, 5)
     springs, bends = records(s, np.float32)
     state, one = s.state(np.float32), np.float32(1)
     given = (0, 64, *state, springs.words, springs.second, springs.stiffness, springs.rest)
     rest = (one, springs.room, springs.forces, state.x, state.y, state.z)
-    # Compiled anew, since a cached function has no code to show.
-    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
-    loop: Any = njit(**options)(mesh.pull.py_func)
     for absent in ((bends.weight, one, one), (None, one, None)):
         signature = tuple(typeof(argument) for argument in (*given, *absent, *rest))
-        loop.compile(signature)
         # x86-64 and AArch64: roots of several numbers.
-        assert re.search(r"\bv?sqrtps\b|\bfsqrt\s+v\d+\.4s", loop.inspect_asm(signature)), signature
+        assert re.search(r"\bv?sqrtps\b|\bfsqrt\s+v\d+\.4s", assembly(mesh.pull, signature)), signature

@@ -11,8 +11,12 @@ from numpy.typing import NDArray
 
 from cape.assembly.self_contact import enlarged, keep, layers_of, put_back, surplus
 from cape.cloth.cloth import Cloth, MeshCloth
-from cape.kernels.records import State
+from cape.kernels.jit import routine
+from cape.kernels.linking import Linker
+from cape.kernels.program import Use
 from cape.kernels.self_contact import closest, near_pairs, patches, self_contact
+from cape.kernels.state import State
+from cape.kernels.team import Team
 from cape.scene.scene import Scene
 from cape.scene.self_contact import SelfContact
 
@@ -147,6 +151,19 @@ def record(cloth: Cloth, *, thickness: float | None = None, friction: float = 0.
     return made
 
 
+def search(
+    layers: self_contact.Layers,
+    s: State,
+    inverse_mass: NDArray[np.float64],
+    *,
+    reach: float,
+    nearest: float,
+    ahead: float,
+) -> None:
+    """List the pairs that may come within `reach` [m] of each other, but for those that are nearer at rest."""
+    near_pairs.search(layers._replace(thickness=nearest, margin=reach - nearest), s, inverse_mass, ahead)
+
+
 def listed(pairs: near_pairs.Pairs) -> set[tuple[int, int]]:
     n = pairs.counts[0]
     return set(zip(pairs.first[:n].tolist(), pairs.second[:n].tolist(), strict=True))
@@ -157,7 +174,7 @@ def test_the_search_finds_what_brute_force_finds(rng: np.random.Generator):
     contact = record(cloth, thickness=0.012)
     inverse_mass = (rng.uniform(size=cloth.vertices) < 0.6).astype(float)
     cut, reach, ahead = contact.patches, 0.03, 0.02
-    near_pairs.search(cut, contact.sight, contact.faces, contact.edges, s, inverse_mass, reach, 0.012, ahead)
+    search(contact, s, inverse_mass, reach=reach, nearest=0.012, ahead=ahead)
     p, v, rest = np.stack(s[:3], axis=1), np.stack(s[3:], axis=1), cut.rest.T
     triangles, edges = cut.triangles.T.astype(int), cut.edges.T.astype(int)
     assert sorted(map(sorted, triangles.tolist())) == sorted(map(sorted, cloth.triangles.tolist()))
@@ -204,9 +221,7 @@ def test_a_cloth_that_is_nowhere_sharply_folded_is_not_looked_into():
     p[:, 0] += 0.1 * np.sin(6.0 * p[:, 2])
     s = State(*p.T.copy(), *np.zeros(p.T.shape))
     contact = record(cloth)
-    near_pairs.search(
-        contact.patches, contact.sight, contact.faces, contact.edges, s, np.ones(cloth.vertices), 0.03, 0.005, 0.0
-    )
+    search(contact, s, np.ones(cloth.vertices), reach=0.03, nearest=0.005, ahead=0.0)
     assert contact.faces.counts[0] == contact.edges.counts[0] == 0
 
 
@@ -215,9 +230,7 @@ def test_two_layers_are_found_wherever_they_lie(rng: np.random.Generator):
     for shift in rng.uniform(-50.0, 50.0, (3, 3)):
         s = State(*(cloth.positions + shift).T.copy(), *np.zeros(cloth.positions.T.shape))
         contact = record(cloth, thickness=0.005)
-        near_pairs.search(
-            contact.patches, contact.sight, contact.faces, contact.edges, s, np.ones(cloth.vertices), 0.0101, 0.005, 0.0
-        )
+        search(contact, s, np.ones(cloth.vertices), reach=0.0101, nearest=0.005, ahead=0.0)
         over = {i for i, _ in listed(contact.faces)}
         assert over == set(range(cloth.vertices))
 
@@ -232,12 +245,18 @@ def folded_flat(gap: float) -> MeshCloth:
     )
 
 
+@routine
+def look_ahead(s, places, ahead):
+    """Note where vertices are, and how they go on for `ahead` seconds."""
+    drift = patches.sample_mean(s.vx), patches.sample_mean(s.vy), patches.sample_mean(s.vz)
+    patches.look(s, patches.Foresight(0.0, 0.0, ahead, drift), places)
+
+
 def test_what_strays_from_where_it_was_foreseen(rng: np.random.Generator):
     n, ahead, limit = 64, 0.01, 0.02
     s = State(*rng.uniform(-1.0, 1.0, (6, n)))
     places = np.zeros((6, n))
-    drift = patches.sample_mean(s.vx), patches.sample_mean(s.vy), patches.sample_mean(s.vz)
-    patches.look(s, patches.Foresight(0.0, 0.0, 0.03, drift), places)
+    look_ahead(s, places, 0.03)
     for later in (0.0, 0.02):
         moved = State(*np.concatenate([np.stack(s[:3]) + later * np.stack(s[3:]) + 7.0, s[3:]]))
         assert patches.is_foreseen(moved, places, ahead, limit)
@@ -364,11 +383,22 @@ def crumple(contact: self_contact.Layers, s: State, frames: int) -> None:
     """Let a cloth go on without springs, kept apart."""
     step, inverse_mass = 2e-4, np.full(s.x.size, 2e3)
     for _ in range(frames):
-        for remaining in range(9, -1, -1):
+        for substep in range(10):
             for position, velocity in zip(s[:3], s[3:], strict=True):
                 position += step * velocity
-            self_contact.press(0, s.x.size, s, contact.pressure, step)
-            self_contact.keep_apart(s, contact, inverse_mass, 0, remaining, step, None)
+            self_contact.press(self_contact.Pressed(s, contact.pressure), Team.alone(s.x.size), substep, 10, step)
+            keep_apart(s, contact, inverse_mass, substep, 10, step)
+
+
+def keep_apart(
+    s: State, layers: self_contact.Layers, inverse_mass: NDArray[np.float64], substep: int, substeps: int, step: float
+) -> None:
+    """Keep layers apart in one of a frame's substeps."""
+    linker = Linker()
+    search = linker.program([Use(self_contact.search_pairs, self_contact.Searched(s, layers, inverse_mass))])
+    linker.link()
+    group = self_contact.Layered(s, layers, inverse_mass, search)
+    self_contact.keep_apart(group, Team.alone(s.x.size), substep, substeps, step)
 
 
 def test_runs_repeat_to_the_last_bit_also_after_going_back(rng: np.random.Generator):
@@ -406,16 +436,16 @@ def test_pairs_without_room_are_counted_and_found_with_more(rng: np.random.Gener
     cloth, s = shaken(rng, noise=0.03)
     full = record(cloth)
     inverse_mass = np.ones(cloth.vertices)
-    self_contact.keep_apart(State(*(a.copy() for a in s)), full, inverse_mass, 0, 0, 1e-4, None)
+    keep_apart(State(*(a.copy() for a in s)), full, inverse_mass, 0, 1, 1e-4)
     short = record(cloth)
     faces = short.faces
     narrow = faces._replace(**{f: getattr(faces, f)[:10] for f in faces._fields if f not in ("counts", "head")})
     short = short._replace(faces=narrow)
     state = State(*(a.copy() for a in s))
-    self_contact.keep_apart(state, short, inverse_mass, 0, 0, 1e-4, None)
+    keep_apart(state, short, inverse_mass, 0, 1, 1e-4)
     assert surplus(full) == 0
     assert surplus(short) > 0
     while surplus(short):
         short = enlarged(short)
-        self_contact.keep_apart(state, short, inverse_mass, 0, 0, 1e-4, None)
+        keep_apart(state, short, inverse_mass, 0, 1, 1e-4)
     assert short.faces.counts[0] > 10

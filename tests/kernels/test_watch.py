@@ -8,27 +8,41 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from cape.kernels.bones import MotionRoom
 from cape.kernels.contact import watch
-from cape.kernels.contact.faces import PIERCED, SEEN, SHARE
-from cape.kernels.contact.shapes import MOMENT, Boxes, Capsules, Faces, Planes, Shapes, TaperedCapsules
+from cape.kernels.contact.distance import to_box, to_capsule, to_plane, to_tapered_capsule
+from cape.kernels.contact.faces import PIERCED, SHARE
+from cape.kernels.contact.shapes import MOMENT, Colliders
 from cape.kernels.contact.watch import GAIN, TILE
-from cape.kernels.records import MotionRoom, State
-from cape.kernels.solve import frame
+from cape.kernels.state import State
 from motions import quaternions
-from tests.support.shapes import FloatArray, collide, moving, record, reference_distance, tapered_sizes
+from tests.support.shapes import (
+    KINDS,
+    FloatArray,
+    Kind,
+    collide,
+    faces_record,
+    keep_out,
+    kind_of,
+    moving,
+    record,
+    reference_distance,
+    tapered_sizes,
+    together,
+    touching,
+)
 
 FRAME = 1.0 / 60.0  # s
 THICKNESS = 0.005  # m
-KINDS = (Capsules, TaperedCapsules, Boxes, Planes)
 every_kind = pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.__name__)
 
 
-def random_sizes(kind: type[Shapes], rng: np.random.Generator) -> tuple[float, ...]:
-    if kind is Capsules:
+def random_sizes(kind: Kind, rng: np.random.Generator) -> tuple[float, ...]:
+    if kind is to_capsule:
         return (rng.choice([0.0, 0.3]), rng.uniform(0.02, 0.1), 0.0, 0.0)
-    if kind is TaperedCapsules:
+    if kind is to_tapered_capsule:
         return tapered_sizes(0.3, rng.uniform(0.02, 0.1), rng.uniform(0.02, 0.1))
-    if kind is Boxes:
+    if kind is to_box:
         return (*rng.uniform(0.02, 0.1, 3), 0.0)
     return (0.0, 0.0, 0.0, 0.0)
 
@@ -41,7 +55,7 @@ class World:
     coming nearer to its axis.
     """
 
-    shapes: Shapes
+    shapes: Colliders
     state: State
     places: FloatArray
     rotations: FloatArray
@@ -50,7 +64,7 @@ class World:
     pull: FloatArray
 
     @classmethod
-    def random(cls, kind: type[Shapes], seed: int, *, speed: float, reach: float, cloth: float) -> "World":
+    def random(cls, kind: Kind, seed: int, *, speed: float, reach: float, cloth: float) -> "World":
         """Colliders within `reach` [m] and tiles within `cloth` [m], at up to `speed` [m/s]."""
         rng = np.random.default_rng(seed)
         count, tiles = 5, 3
@@ -94,17 +108,17 @@ class World:
     def distances(self, time: float) -> FloatArray:
         """Of all vertices from all colliders [m], (C, N)."""
         m, points = self.bones(time), np.stack(self.state[:3], axis=1).astype(float)
-        return np.array([self.distance_of(points, c, m) for c in range(len(self.shapes.colliders))])
+        return np.array([self.distance_of(points, c, m) for c in range(len(self.shapes.records))])
 
     def distance_of(self, points: FloatArray, c: int, m: MotionRoom) -> FloatArray:
         """Of points (N, 3) from a collider [m]."""
         in_bone = (points - m.positions[c]) @ m.matrices[c]
-        in_shape = (in_bone - self.shapes.colliders.origin[c]) @ self.shapes.colliders.frame[c]
-        return reference_distance(type(self.shapes), self.shapes.colliders.sizes[c], in_shape)
+        in_shape = (in_bone - self.shapes.records.origin[c]) @ self.shapes.records.frame[c]
+        return reference_distance(kind_of(self.shapes, c), self.shapes.records.sizes[c], in_shape)
 
 
 @every_kind
-def test_no_pair_that_comes_near_within_the_frame_is_left_out(kind: type[Shapes]):
+def test_no_pair_that_comes_near_within_the_frame_is_left_out(kind: Kind):
     near = left_out = 0
     for seed in range(40):
         world = World.random(kind, seed, speed=2.0, reach=0.3, cloth=0.05)
@@ -120,7 +134,7 @@ def test_no_pair_that_comes_near_within_the_frame_is_left_out(kind: type[Shapes]
         left_out += len(touched) - len(active)
     assert near > 10
     # It is a choice, but for planes, which reach everywhere.
-    assert left_out > 10 or kind is Planes
+    assert left_out > 10 or kind is to_plane
 
 
 @pytest.mark.parametrize("speed", [0.0, 3.0, 30.0])
@@ -129,7 +143,7 @@ def test_a_collider_is_active_as_far_as_the_cloth_comes_in_a_frame(speed: float,
     radius, size = 0.1, 3
     for share, active in ((0.99, 1), (1.01, 0)):
         gap = THICKNESS + share * (speed + GAIN) * FRAME
-        shapes = record(Capsules, (0, radius, 0, 0), thickness=THICKNESS, vertices=size)
+        shapes = record(to_capsule, (0, radius, 0, 0), thickness=THICKNESS, vertices=size)
         s = State(*np.zeros((6, size)))
         s.vx[:] = speed if moves == "the cloth" else 0.0
         m = moving([[-speed if moves == "the ball" else 0.0, 0, 0]], place=[[radius + gap, 0, 0]])
@@ -139,7 +153,7 @@ def test_a_collider_is_active_as_far_as_the_cloth_comes_in_a_frame(speed: float,
 
 def test_a_frame_forgets_what_the_one_before_has_noted():
     size = 2 * TILE
-    shapes = record(Capsules, (0, 0.1, 0, 0), thickness=THICKNESS, vertices=size)
+    shapes = record(to_capsule, (0, 0.1, 0, 0), thickness=THICKNESS, vertices=size)
     s, free = State(*np.zeros((6, size))), np.ones(size, bool)
     far, here = moving(np.zeros((1, 3)), place=[[1.0, 0.0, 0.0]]), moving(np.zeros((1, 3)), place=[[0.101, 0.0, 0.0]])
     for m, touched in ((far, False), (here, True)):
@@ -151,7 +165,7 @@ def test_a_frame_forgets_what_the_one_before_has_noted():
 
 @every_kind
 @pytest.mark.parametrize(("speed", "substeps"), [(1.0, 100), (6.0, 40), (6.0, 8)])
-def test_what_sleeps_never_hides_a_contact(kind: type[Shapes], speed: float, substeps: int):
+def test_what_sleeps_never_hides_a_contact(kind: Kind, speed: float, substeps: int):
     step, contacts, asleep = FRAME / substeps, 0, 0
     for seed in range(3 if substeps == 100 else 4):
         world = World.random(kind, seed, speed=speed, reach=0.25, cloth=0.25)
@@ -171,9 +185,9 @@ def test_what_sleeps_never_hides_a_contact(kind: type[Shapes], speed: float, sub
     assert asleep > 100 or substeps == 8
 
 
-@pytest.mark.parametrize("kind", [Capsules, Boxes], ids=lambda k: k.__name__)
+@pytest.mark.parametrize("kind", [to_capsule, to_box], ids=lambda k: k.__name__)
 @pytest.mark.parametrize(("speed", "substeps"), [(1.0, 60), (6.0, 40)])
-def test_triangles_that_sleep_never_hide_a_contact(kind: type[Shapes], speed: float, substeps: int):
+def test_triangles_that_sleep_never_hide_a_contact(kind: Kind, speed: float, substeps: int):
     step, contacts, asleep = FRAME / substeps, 0, 0
     u, v = np.divmod(np.arange(64), 8)
     weights = np.stack([u, v, 7 - u - v], axis=1)[u + v <= 7] / 7
@@ -183,12 +197,8 @@ def test_triangles_that_sleep_never_hide_a_contact(kind: type[Shapes], speed: fl
         corners = np.sort([TILE * (k // 12) + rng.choice(TILE - 3, 3, replace=False) for k in range(36)], axis=1)
         groups = np.arange(0, 37, 6)
         tiles = np.repeat(np.arange(3), 2)
-        world.shapes.colliders.thin = 1
-        faces = Faces(
-            shapes=world.shapes, corners=np.ascontiguousarray(corners.T.astype(np.uint32)), starts=groups, tiles=tiles,
-            longest=0.2, wake=np.zeros((6, 5), np.int64), next=np.zeros(6, np.int64), due=np.zeros(1, np.int64),
-            seen=np.zeros(SEEN), haste=np.zeros(1), pushed=np.zeros(1, np.int64),
-        )  # fmt: skip
+        world.shapes.records.thin = 1
+        faces = faces_record(corners.T, groups, tiles, world.shapes)
         watch.begin(0, count, world.state, world.shapes, world.bones(0.0), FRAME)
         for turn in range(substeps):
             world.fall(step)
@@ -197,15 +207,12 @@ def test_triangles_that_sleep_never_hide_a_contact(kind: type[Shapes], speed: fl
             inside = np.zeros(len(corners), bool)
             for c in range(5):
                 distances = world.distance_of(points.reshape(-1, 3), c, m).reshape(len(weights), -1).min(axis=0)
-                deep = -0.9 * PIERCED * world.shapes.colliders.core[c]
+                deep = -0.9 * PIERCED * world.shapes.records.core[c]
                 # The search for the deepest point may leave some tenths of a millimetre of these long triangles.
                 inside |= (distances < SHARE * THICKNESS - 5e-4) & (distances > deep)
             asleep += int((faces.wake > turn).sum())
             pinched = world.shapes.pinched.copy()
-            frame.keep_out(
-                0, count, world.state, np.ones(count), None, np.ones(count, bool), (world.shapes,), (faces,), m, 1.0,
-                turn, step, None,
-            )  # fmt: skip
+            keep_out(touching(world.state, world.shapes, m), faces, turn, step)
             moved = (np.stack(world.state[:3]) != before).any(axis=0)
             # A triangle whose corner two capsules pinch gets as deep as that does.
             inside &= ~(pinched | world.shapes.pinched)[corners].any(axis=1)
@@ -216,49 +223,44 @@ def test_triangles_that_sleep_never_hide_a_contact(kind: type[Shapes], speed: fl
 
 
 OBSTACLES = {
-    Capsules: (0.0, 0.2, 0.0, 0.0),
-    TaperedCapsules: tapered_sizes(0.3, 0.2, 0.1),
-    Boxes: (0.2, 0.2, 0.2, 0.0),
-    Planes: (0.0, 0.0, 0.0, 0.0),
+    to_capsule: (0.0, 0.2, 0.0, 0.0),
+    to_tapered_capsule: tapered_sizes(0.3, 0.2, 0.1),
+    to_box: (0.2, 0.2, 0.2, 0.0),
+    to_plane: (0.0, 0.0, 0.0, 0.0),
 }
 
 
 @every_kind
-def test_what_is_hit_hard_looks_around_at_once(kind: type[Shapes]):
+def test_what_is_hit_hard_looks_around_at_once(kind: Kind):
     # A ball at 30 m/s throws a tile at rest towards an obstacle 5 cm away, which could have slept for 12 ms.
     size, step, speed, gap = TILE, 5e-4, 30.0, 0.05
     p = np.zeros((3, size))
     p[1] = np.linspace(-0.001, 0.001, size)
-    s, free = State(*p, *np.zeros((3, size))), np.ones(size, bool)
+    s = State(*p, *np.zeros((3, size)))
     # Of the obstacle, +Z points back at the tile where it has a side there, and its middle lies behind its surface.
     back = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
-    matrix = back if kind is Planes else np.eye(3)
-    middle = np.array([gap + (0.0 if kind is Planes else 0.2), 0.0, 0.0])
+    matrix = back if kind is to_plane else np.eye(3)
+    middle = np.array([gap + (0.0 if kind is to_plane else 0.2), 0.0, 0.0])
 
-    def both(ball: tuple[float, ...], sizes: tuple[float, ...]) -> tuple[Shapes, ...]:
-        """The ball, carried by bone 0, and the obstacle, by bone 1; records by kind."""
-        if kind is Capsules:
-            places = [[0, 0, 0], middle]
-            return (record(kind, [ball, sizes], thickness=THICKNESS, bones=[0, 1], origins=places, vertices=size),)
-        hitting = record(Capsules, ball, thickness=THICKNESS, vertices=size)
-        hit = record(kind, sizes, thickness=THICKNESS, bones=[1], origins=middle, frames=[matrix], vertices=size)
-        return hitting, hit._replace(spreads=hitting.spreads, alarm=hitting.alarm)
-
-    groups = both((0.0, 0.05, 0.0, 0.0), OBSTACLES[kind])
+    # The ball is carried by bone 0, the obstacle by bone 1.
+    ball = record(to_capsule, (0.0, 0.05, 0.0, 0.0), thickness=THICKNESS, vertices=size)
+    obstacle = record(
+        kind, OBSTACLES[kind], thickness=THICKNESS, bones=[1], origins=middle, frames=[matrix], vertices=size
+    )
+    shapes = together(ball, obstacle)
 
     def bones(time: float) -> MotionRoom:
         """The ball hits in the second step, when the obstacle sleeps, and comes to a stop after 2 ms."""
         place = -0.08 + speed * min(time, 0.002)
         return moving([[speed if time <= 0.002 else 0.0, 0, 0], [0, 0, 0]], place=[[place, 0, 0], [0, 0, 0]])
 
-    for shapes in groups:
-        watch.begin(0, size, s, shapes, bones(0.0), FRAME)
+    watch.begin(0, size, s, shapes, bones(0.0), FRAME)
     nearest = []
     for turn in range(24):
         s.x[:] += step * s.vx
         s.y[:] += step * s.vy
         m = bones((turn + 1) * step)
-        frame.keep_out(0, size, s, np.ones(size), None, free, groups, None, m, 1.0, turn, step, None)
+        keep_out(touching(s, shapes, m), None, turn, step)
         where = (np.stack(s[:3], axis=1).astype(float) - middle) @ matrix
         nearest.append(reference_distance(kind, OBSTACLES[kind], where).min())
     assert nearest[0] > gap - 1e-9
@@ -266,16 +268,16 @@ def test_what_is_hit_hard_looks_around_at_once(kind: type[Shapes]):
 
 
 @every_kind
-def test_a_look_tells_who_is_inside_and_how_far_the_nearest_is(kind: type[Shapes]):
+def test_a_look_tells_who_is_inside_and_how_far_the_nearest_is(kind: Kind):
     insides = 0
     for seed in range(20):
         world = World.random(kind, seed, speed=0.0, reach=0.1, cloth=0.1)
         m = world.bones(0.0)
         world.shapes.clock[MOMENT] += 1
-        watch.place(world.shapes, 1, m.positions, m.matrices)
+        watch.place(world.shapes, 1, m)
         gaps = world.distances(0.0)[1, :TILE] - THICKNESS
         gap = watch.look(world.shapes, 1, world.state, 0, TILE, THICKNESS)
-        np.testing.assert_allclose(world.shapes.gaps[:TILE], gaps, atol=1e-9)
+        np.testing.assert_allclose(world.shapes.points.gaps[:TILE], gaps, atol=1e-9)
         assert gap == pytest.approx(gaps.min(), abs=1e-9)
         insides += gap < 0.0
     assert insides > 0

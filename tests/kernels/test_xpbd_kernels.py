@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from cape.kernels.records import Constraints, GridConstraints, State
+from cape.kernels.state import State
+from cape.kernels.team import Team
 from cape.kernels.xpbd import formulas, mesh, xpbd
 from cape.kernels.xpbd import grid as xpbd_grid
+from cape.kernels.xpbd.formulas import Constraints
+from cape.kernels.xpbd.grid import GridConstraints, GridSweeps
 
 STEP, TAU = 0.01, 0.02
 # A few dozen operations on numbers near one.
@@ -177,7 +180,7 @@ def test_a_grid_is_solved_in_the_order_of_its_phases(rng: np.random.Generator):
     room = np.zeros((2, HANDS, 3, PLACES * COLUMNS))
     state = State(*(p.copy() for p in (*x, *v)))
     grid = GridConstraints(COLUMNS, dealt(weights), room[0], room[1], *families)
-    xpbd_grid.solve_grid(state, grid, 2, STEP, TAU, 2 * TAU, None)
+    xpbd_grid.solve_grid(GridSweeps(state, grid, TAU, 2 * TAU, 2), Team.alone(n), 0, 1, STEP)
     book = Textbook(x, v, weights)
     for _ in range(2):
         textbook_sweep(book, stiffness, rest, bend)

@@ -19,16 +19,16 @@ from cape.record.layers import drawn_links
 from cape.record.solids import LEFT_COLOR, LEFT_OUT_COLOR, MIDDLE_COLOR
 from cape.record.stage import heading, skeleton_height, smoothed_path
 from cape.record.surfaces.normals import vertex_normals
-from cape.record.surfaces.revolved import tapered_hull
 from cape.results.penetration import signed_distance
 from cape.results.take import Take
-from cape.scene.colliders import Box, Plane, Sphere, TaperedCapsule
+from cape.scene.colliders import Box, Cylinder, Ellipsoid, Plane, Sphere, TaperedCapsule
 from motions import quaternions
 from motions.errors import FileError, UnknownNameError, ValueRangeError
 from skeleton.shapes import Capsule
+from skeleton.shapes.tapered_capsule import tapered_hull
 from skeleton.track import BoneTrack
 
-ROOT = Path(__file__).parents[2]
+HERE = Path(__file__).parent
 FRAMES, ROWS, COLUMNS = 50, 9, 8
 
 
@@ -298,6 +298,57 @@ def test_shells_are_as_thick_as_the_colliders_say(saved: Recording, take: Take):
     assert ground[0, 2] == pytest.approx(0.26)
     names = [name for entity in saved.entities if "shells" in entity for name in schema(saved, entity)]
     assert not any("labels" in name and "show" not in name for name in names)
+
+
+def test_a_cylinder_and_an_ellipsoid_are_drawn_where_they_are(tmp_path: Path, take: Take):
+    drum = Cylinder(
+        name="drum",
+        bone="LeftArm",
+        start=np.array([0.1, 0.0, 0.0]),
+        end=np.array([0.1, 0.4, 0.0]),
+        radius=0.15,
+        thickness=0.02,
+    )
+    turn = np.array([0.8, 0.0, 0.6, 0.0])
+    egg = Ellipsoid(
+        name="egg", bone="Spine", center=np.full(3, 0.1), radii=np.array([0.1, 0.2, 0.3]), rotation_wxyz=turn
+    )
+    replace(take, colliders=(drum, egg), contacts=None, left_out={"drum": "far away"}).save(tmp_path / "two.rrd")
+    saved = Recording(tmp_path / "two.rrd")
+    arm, spine = (take.bones.names.index(name) for name in ("LeftArm", "Spine"))
+
+    to_bone = quaternions.conjugate(take.bones.rotations_wxyz[:, None, arm])
+    for entity, solid in (("/world/colliders/drum", drum), ("/world/shells/drum", drum.grown(0.02))):
+        in_bone = quaternions.rotate(to_bone, transformed(saved, entity) - take.bones.positions[:, None, arm])
+        # Single precision, twice, of places up to 5 m away.
+        np.testing.assert_allclose(signed_distance(solid, in_bone.reshape(-1, 3)), 0.0, atol=3e-6)
+    (label,) = saved.column("/world/colliders/drum", "Points3D:labels", static=True)
+    assert label.as_py() == ["drum (left out)"]
+
+    rotations = take.bones.rotations_wxyz[:, spine]
+    centers = saved.array("/world/colliders/egg", "Ellipsoids3D:centers")[:, 0]
+    expected = take.bones.positions[:, spine] + quaternions.rotate(rotations, egg.center)
+    np.testing.assert_allclose(centers, expected, atol=1e-6)
+    turns = np.roll(saved.array("/world/colliders/egg", "Ellipsoids3D:quaternions")[:, 0], 1, axis=-1)
+    np.testing.assert_allclose(turns, quaternions.multiply(rotations, turn), atol=1e-6)
+    for entity, grown in (("/world/colliders/egg", 0.0), ("/world/shells/egg", take.thickness)):
+        (half,) = saved.array(entity, "Ellipsoids3D:half_sizes", static=True)
+        np.testing.assert_allclose(half, [egg.radii + grown], rtol=1e-6)
+    assert saved.column("/world/colliders/egg", "Ellipsoids3D:labels", static=True)[0].as_py() == ["egg"]
+
+
+def test_the_mesh_of_a_cylinder_is_closed_and_faces_outwards():
+    solid = Cylinder(start=np.zeros(3), end=np.array([0.0, 0.0, 0.5]), radius=0.2)
+    mesh = solid.outline()
+    vertices, normals = mesh.vertices.astype(float), mesh.normals.astype(float)
+    np.testing.assert_allclose(signed_distance(solid, vertices), 0.0, atol=1e-7)
+    # A normal leads away from the surface at full speed; from an edge those of both sides do.
+    np.testing.assert_allclose(signed_distance(solid, vertices + 0.01 * normals), 0.01, atol=1e-7)
+    a, b, c = np.moveaxis(vertices[mesh.triangles], 1, 0)
+    volume = float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6.0
+    # A prism on a regular polygon.
+    corners = len(vertices) // 6
+    assert volume == pytest.approx(0.5 * 0.2**2 * corners / 2 * np.sin(2 * np.pi / corners), rel=1e-6)
 
 
 def schema(saved: Recording, entity: str) -> list[str]:
@@ -594,8 +645,8 @@ def test_a_recording_cut_short_does_not_take_the_name(tmp_path: Path, monkeypatc
 
 
 def test_importing_cape_loads_no_viewer():
-    code = "import sys, cape, cape.results.take, cape.record; print('rerun' in sys.modules)"
-    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    code = "import sys, cape, cape.take, cape.record; print('rerun' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], cwd=HERE.parent, capture_output=True, text=True, check=True)
     assert run.stdout == "False\n"
 
 

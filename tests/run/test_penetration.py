@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cape import Box, Capsule, Plane, Sphere, TaperedCapsule
+from cape import Box, Capsule, Cylinder, Ellipsoid, Plane, Sphere, TaperedCapsule
 from cape.results.penetration import crossings, penetration
 from cape.results.solid_cores import core
 from motions import quaternions
 from motions.errors import ValueRangeError
 from skeleton.solid_measures import signed_distance
 from tests.support.figures import matrices_of
-from tests.support.shapes import box_distance, capsule_distance
+from tests.support.shapes import box_distance, capsule_distance, cylinder_distance, ellipsoid_distance
 from tests.support.takes import take_of
 
 FloatArray = NDArray[np.float64]
@@ -148,6 +148,22 @@ CASES = {
         # Cut off an edge on top at 0.1 sqrt(2): the middle of the cut is deepest, at its depth over sqrt(2).
         raised(np.sqrt(2) * 0.1 - DEPTH), DEPTH / np.sqrt(2), APART / np.sqrt(2),
     ),
+    "cylinder, lying": (
+        Cylinder(start=np.array([-0.2, 0, 0]), end=np.array([0.2, 0, 0]), radius=RADIUS),
+        raised(RADIUS - DEPTH), DEPTH, CURVED,
+    ),
+    "cylinder, standing": (
+        Cylinder(start=np.array([0, 0, -0.3]), end=np.array([0, 0, 0.1]), radius=0.1), raised(0.1 - DEPTH), DEPTH, 0.0,
+    ),
+    # The triangle goes through the middle, from where its depth falls with the way.
+    "cylinder's middle": (Cylinder(start=np.array([0, 0, -0.3]), end=np.array([0, 0, 0.3])), WIDE, RADIUS, APART),
+    "ellipsoid": (Ellipsoid(radii=np.array([0.15, 0.12, 0.1])), raised(0.1 - DEPTH), DEPTH, CURVED),
+    "turned ellipsoid": (
+        Ellipsoid(
+            radii=np.array([0.1, 0.15, 0.12]), rotation_wxyz=np.array([np.sqrt(0.5), 0, -np.sqrt(0.5), 0])
+        ),  # its x axis is up
+        raised(0.1 - DEPTH), DEPTH, CURVED,
+    ),
     "plane": (Plane(normal=np.array([0, 0, 7.0])), WIDE + np.array([[0, 0, 0.01], [0, 0, 0.02], [0, 0, -DEPTH]]),
               DEPTH, 0.0),
     "tapered capsule": (
@@ -200,6 +216,12 @@ def reference_depth(solid, at: FloatArray) -> FloatArray:
         return -box_distance((at - solid.center) @ matrices_of(solid.rotation_wxyz), solid.half_sizes)
     if isinstance(solid, TaperedCapsule):
         return -cone_distance(at, solid)
+    if isinstance(solid, Cylinder):
+        up = quaternions.from_z_axis(solid.end - solid.start)
+        own = (at - (solid.start + solid.end) / 2) @ matrices_of(up)
+        return -cylinder_distance(own, float(np.linalg.norm(solid.end - solid.start)) / 2, solid.radius)
+    if isinstance(solid, Ellipsoid):
+        return -ellipsoid_distance((at - solid.center) @ matrices_of(solid.rotation_wxyz), solid.radii)
     return (solid.point - at) @ solid.normal / np.linalg.norm(solid.normal)
 
 
@@ -211,10 +233,12 @@ def some_solid(kind: int, a: FloatArray, b: FloatArray, first: float, last: floa
         Box(center=a, half_sizes=np.array([first, last, first]), rotation_wxyz=turn),
         Plane(point=a, normal=matrices_of(turn)[0]),
         cone_of(a, b, first, last),
+        Cylinder(start=a, end=a + last * matrices_of(turn)[0], radius=first),
+        Ellipsoid(center=a, radii=np.array([first, last, 0.7 * first]), rotation_wxyz=turn),
     )[kind]
 
 
-solids_of_any_kind = st.builds(some_solid, st.integers(0, 4), points, points, sizes, sizes, turns)
+solids_of_any_kind = st.builds(some_solid, st.integers(0, 6), points, points, sizes, sizes, turns)
 
 
 @settings(max_examples=60, deadline=None)
@@ -257,7 +281,7 @@ def test_memory_is_bounded_and_the_result_the_same(monkeypatch: pytest.MonkeyPat
     corners = random.uniform(-0.3, 0.3, (40, 3, 3))
     take = take_of(corners.reshape(-1, 3), np.arange(120), [Sphere(radius=0.2)])
     whole = penetration(take, spacing=0.01).faces
-    monkeypatch.setattr("cape.results.penetration.MOST_SAMPLES", 1)
+    monkeypatch.setattr("cape.penetration.MOST_SAMPLES", 1)
     assert penetration(take, spacing=0.01).faces.depth == whole.depth
     assert penetration(take, spacing=0.01).faces.index == whole.index
 
@@ -363,6 +387,12 @@ def test_a_core_is_a_tenth_and_a_half_space_has_none():
     box = core(SHAPES["box"])
     assert isinstance(box, Box)
     np.testing.assert_allclose(box.half_sizes, [0.005, 0.355, 0.355])
+    disc = core(Cylinder(end=np.array([0.0, 0.0, 0.2]), radius=0.3))
+    assert isinstance(disc, Cylinder)
+    np.testing.assert_allclose([*disc.start, *disc.end, disc.radius], [0, 0, 0.09, 0, 0, 0.11, 0.21], atol=1e-15)
+    lens = core(Ellipsoid(radii=np.array([0.3, 0.2, 0.1])))
+    assert isinstance(lens, Ellipsoid)
+    np.testing.assert_allclose(lens.radii, [0.03, 0.02, 0.01])
     fall = np.stack([raised(1.0), raised(-1.0)])
     assert crossings(take_of(fall, [0, 1, 2], [Plane()])).sum() == 0
 

@@ -1,5 +1,6 @@
 """Which colliders a cloth can reach: never too few, not many more, and none whose absence changes a run."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -50,7 +51,9 @@ def any_collider(rng: np.random.Generator, name: str, bone: str | None) -> cape.
         cape.Sphere(name=name, bone=bone, center=place, radius=size, thickness=own),
         cape.Box(name=name, bone=bone, center=place, half_sizes=rng.uniform(0.05, 0.3, 3), thickness=own),
         cape.Plane(name=name, bone=bone, point=place, normal=-place + 0.5 * axis, thickness=own),
-    ][rng.integers(5)]
+        cape.Cylinder(name=name, bone=bone, start=place, end=place + axis, radius=size, thickness=own),
+        cape.Ellipsoid(name=name, bone=bone, center=place, radii=rng.uniform(0.05, 0.3, 3), thickness=own),
+    ][rng.integers(7)]
 
 
 def distances_over_time(
@@ -276,7 +279,9 @@ def test_penetration_is_measured_in_what_is_left_out_too(swing, monkeypatch):
     wall = cape.Box(name="wall", center=np.array([0.0, 0.0, 1.2]), half_sizes=np.array([0.5, 0.5, 0.02]))
     scene = replace(scene, colliders=[wall])
     # As if the cloth had stretched far beyond what is allowed for.
-    monkeypatch.setattr("cape.run.simulate.reach_of", lambda *_: replace(reach_of(scene, track), gaps={"wall": 0.1}))
+    monkeypatch.setattr(
+        sys.modules["cape.simulate"], "reach_of", lambda *_: replace(reach_of(scene, track), gaps={"wall": 0.1})
+    )
     take = cape.simulate(scene, track)
     assert list(take.left_out) == ["wall"]
     assert take.penetration.max() > 0.01

@@ -11,18 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cape import Box, Capsule, Collider, Fabric, Plane, Scene, Sphere
-from cape.assembly.contact import KINDS, contacts_of, for_another_thread
-from cape.kernels.contact.shapes import (
-    DISTANCES,
-    MOMENT,
-    Boxes,
-    Capsules,
-    Planes,
-    Shapes,
-    TaperedCapsules,
-    distance_to,
-    place,
-)
+from cape.assembly.contact import DISTANCES, LAYOUTS, Contacts, contacts_of, for_another_thread, link_distances
+from cape.kernels.contact.distance import to_tapered_capsule
+from cape.kernels.contact.shapes import MOMENT, Colliders, distance_to, place
+from cape.kernels.linking import Linker
 from cape.scene.colliders import TaperedCapsule
 from motions import quaternions
 from tests.support.scenes import grid_cloth
@@ -30,6 +22,7 @@ from tests.support.shapes import (
     FloatArray,
     box_distance,
     capsule_distance,
+    kind_of,
     moving,
     record,
     tapered_distance,
@@ -48,45 +41,44 @@ rotations = turns.map(lambda q: quaternions.normalize(np.array(q)))
 compiling = settings(deadline=None)
 
 
-def contacts(*colliders: Collider, threads: int = 1, **settings):
-    """Records of colliders, and their order."""
-    return contacts_of(Scene(CLOTH, colliders=list(colliders), **settings), CLOTH, np.ones(CLOTH.vertices, bool))
+def contacts(*colliders: Collider, **settings) -> Contacts:
+    """What those colliders are in a scene, with the code of their distances."""
+    scene, linker = Scene(CLOTH, colliders=list(colliders), **settings), Linker()
+    found = contacts_of(scene, CLOTH, np.ones(CLOTH.vertices, bool))
+    if found.colliders is not None:
+        link_distances(scene, found.colliders, found.faces, linker)
+        linker.link()
+    return found
 
 
-def only_group(collider: Collider) -> Shapes:
-    (group,) = list(contacts(collider)[0].groups or ())
-    return group
+def only(collider: Collider) -> Colliders:
+    found = contacts(collider).colliders
+    assert found is not None
+    return found
 
 
-def distance_in(group: Shapes, pose: tuple[FloatArray, FloatArray], point: FloatArray) -> tuple[float, FloatArray]:
-    """Distance from the only collider of a group, and the normal, in the world, with its bone at a pose."""
+def distance_in(found: Colliders, pose: tuple[FloatArray, FloatArray], point: FloatArray) -> tuple[float, FloatArray]:
+    """Distance from an only collider, and the normal, in the world, with its bone at a pose."""
     m = moving(np.zeros((1, 3)), place=pose[0][None], matrix=quaternions.to_matrix(pose[1])[None])
-    group.clock[MOMENT] += 1
-    place(group, 0, m.positions, m.matrices)
-    distance, *normal = distance_to(group, 0, *map(float, point))
+    found.clock[MOMENT] += 1
+    place(found, 0, m)
+    distance, *normal = distance_to(found, 0, *map(float, point))
     return distance, np.array(normal)
 
 
 # -- kinds --
 
 
-def test_every_collider_has_one_kind_and_every_kind_a_distance():
-    registered = [collider for makers in KINDS.values() for collider in makers]
-    assert len(registered) == len(set(registered))
-    assert set(registered) == set(get_args(Collider))
-    assert set(KINDS) == set(DISTANCES) == set(Shapes.__subclasses__())
+def test_every_kind_of_collider_has_a_layout_and_a_distance():
+    assert set(LAYOUTS) == set(DISTANCES) == set(get_args(Collider))
 
 
 @pytest.mark.parametrize(
-    ("arm", "kinds", "grouped"),
-    [
-        (Capsule("arm", "a", np.zeros(3), np.ones(3), 0.1), [Capsules, Boxes, Planes], ([1, 2, 3], [4], [0, 5])),
-        # What is round is of one kind, so that it is seen to pinch what is between.
-        (TaperedCapsule(name="arm", bone="a"), [TaperedCapsules, Boxes, Planes], ([1, 2, 3], [4], [0, 5])),
-    ],
+    "arm",
+    [Capsule("arm", "a", np.zeros(3), np.ones(3), 0.1), TaperedCapsule(name="arm", bone="a")],
     ids=["capsule", "tapered"],
 )
-def test_colliders_are_grouped_by_kind_and_told_apart(arm, kinds, grouped):
+def test_colliders_are_in_the_scene_s_order_each_with_its_own_distance(arm: Collider):
     named = [
         Plane(name="floor", friction=0.7),
         Sphere(name="head", bone="b", thickness=0.02),
@@ -96,37 +88,41 @@ def test_colliders_are_grouped_by_kind_and_told_apart(arm, kinds, grouped):
         Plane(name="wall", bone="a"),
     ]
     scene = Scene(CLOTH, colliders=named, friction=0.1, thickness=0.003)
-    groups, order = contacts(*named, friction=0.1, thickness=0.003)
-    assert groups.groups is not None
-    assert [type(g) for g in groups.groups] == kinds
-    assert order == grouped
-    for group, indices in zip(groups.groups, order, strict=True):
-        for c, index in enumerate(indices):
-            collider = named[index]
-            bone = len(scene.bones) if collider.bone is None else scene.bones.index(collider.bone)
-            assert group.colliders.bone[c] == bone
-            assert group.colliders.friction[c] == (0.7 if collider.name == "floor" else 0.1)
-            assert group.colliders.thickness[c] == (0.02 if collider.name == "head" else 0.003)
+    found = contacts(*named, friction=0.1, thickness=0.003).colliders
+    assert found is not None
+    assert len(found.records) == len(named)
+    for collider, row in zip(named, found.records, strict=True):
+        assert row.bone == (len(scene.bones) if collider.bone is None else scene.bones.index(collider.bone))
+        assert row.friction == (0.7 if collider.name == "floor" else 0.1)
+        assert row.thickness == (0.02 if collider.name == "head" else 0.003)
+    kinds = [DISTANCES[type(collider)] for collider in named]
+    assert [kind_of(found, c) for c in range(len(named))] == kinds
+
+
+def test_every_distance_has_an_address_of_its_own():
+    found = contacts(Sphere(radius=0.001), Box(), Plane(), TaperedCapsule()).colliders
+    assert found is not None
+    assert found.records.thin[0]
+    everything = [*found.records.nearest, *found.records.gaps, *found.records.planes[found.records.thin > 0]]
+    assert len(set(everything)) == len(everything)
 
 
 def test_without_colliders_there_is_nothing():
-    found, order = contacts()
-    assert found.groups is None
+    found = contacts()
+    assert found.colliders is None
     assert found.faces is None
-    assert order == ()
     assert for_another_thread(found) is found
 
 
 def test_threads_share_notes_of_vertices_and_have_their_own_of_colliders():
-    found, _ = contacts(Sphere(), Box(), Plane())
+    found = contacts(Sphere(), Box(), Plane())
     other = for_another_thread(found)
-    assert found.groups is not None
-    assert other.groups is not None
-    for one, two in zip(found.groups, other.groups, strict=True):
-        assert type(one) is type(two)
-        own = {name for name in one._fields if getattr(one, name) is not getattr(two, name)}
-        # What is indexed by collider alone, or is room for a tile at work; of the rest a thread has its own rows.
-        assert own == {"colliders", "clock", "active", "hot", "gaps", "touches", "before"}
+    one, two = found.colliders, other.colliders
+    assert one is not None
+    assert two is not None
+    own = {name for name in one._fields if getattr(one, name) is not getattr(two, name)}
+    # What is indexed by collider alone, or is room for a tile at work; of the rest a thread has its own rows.
+    assert own == {"records", "clock", "active", "hot", "points", "touches", "before"}
 
 
 # -- layouts --
@@ -140,7 +136,7 @@ def rotated(rotation: FloatArray, v: FloatArray) -> FloatArray:
 @given(vectors, rotations, vectors, st.tuples(vectors, vectors), radii)
 def test_a_capsule_is_where_its_fields_say(position, rotation, point, ends, radius):
     capsule = Capsule("limb", "bone", ends[0], ends[1], radius)
-    distance, normal = distance_in(only_group(capsule), (position, rotation), point)
+    distance, normal = distance_in(only(capsule), (position, rotation), point)
     start, end = (position + rotated(rotation, p) for p in ends)
     assert distance == pytest.approx(capsule_distance(point[None], start, end, radius)[0], abs=3 * ROUNDING)
     assert np.linalg.norm(normal) == pytest.approx(1.0, abs=ROUNDING)
@@ -150,7 +146,7 @@ def test_a_capsule_is_where_its_fields_say(position, rotation, point, ends, radi
 @given(vectors, rotations, vectors, vectors, radii)
 def test_a_sphere_is_where_its_fields_say(position, rotation, point, center, radius):
     sphere = Sphere(bone="bone", center=center, radius=radius)
-    distance, normal = distance_in(only_group(sphere), (position, rotation), point)
+    distance, normal = distance_in(only(sphere), (position, rotation), point)
     off = point - position - rotated(rotation, center)
     assert distance == pytest.approx(np.linalg.norm(off) - radius, abs=ROUNDING)
     if np.linalg.norm(off) > 1e-3:
@@ -162,7 +158,7 @@ def test_a_sphere_is_where_its_fields_say(position, rotation, point, center, rad
 def test_a_tapered_capsule_is_where_its_fields_say(position, rotation, point, ends, both):
     start, end = (position + rotated(rotation, p) for p in ends)
     shape = TaperedCapsule(bone="bone", start=ends[0], end=ends[1], start_radius=both[0], end_radius=both[1])
-    distance, normal = distance_in(only_group(shape), (position, rotation), point)
+    distance, normal = distance_in(only(shape), (position, rotation), point)
     # Where one sphere nearly holds the other the axis is nearly parallel to the surface's normal: as the root of 2^-53.
     expected = tapered_distance(point[None], start, end, both)[0]
     assert distance == pytest.approx(expected, abs=1e-7)
@@ -182,19 +178,19 @@ def test_a_tapered_capsule_is_where_its_fields_say(position, rotation, point, en
 )
 def test_where_one_sphere_holds_the_other_there_is_a_sphere(start, end, both, center, radius):
     shape = TaperedCapsule(start=np.array(start), end=np.array(end), start_radius=both[0], end_radius=both[1])
-    group = only_group(shape)
+    found = only(shape)
     for point in np.random.default_rng(3).uniform(-1, 1, (20, 3)):
         off = point - np.array(center)
-        distance, normal = distance_in(group, (np.zeros(3), np.array([1.0, 0, 0, 0])), point)
+        distance, normal = distance_in(found, (np.zeros(3), np.array([1.0, 0, 0, 0])), point)
         assert distance == pytest.approx(np.linalg.norm(off) - radius, abs=ROUNDING)
         np.testing.assert_allclose(normal, off / np.linalg.norm(off), atol=1e-9)
-    assert group.colliders.core[0] == radius
+    assert found.records.core[0] == radius
 
 
 def test_a_tapered_capsule_with_equal_radii_is_a_capsule():
     ends = np.array([0.1, 0.2, 0.3]), np.array([-0.4, 0.5, 0.1])
-    tapered = only_group(TaperedCapsule(start=ends[0], end=ends[1], start_radius=0.2, end_radius=0.2))
-    capsule = only_group(Capsule("", None, *ends, 0.2))
+    tapered = only(TaperedCapsule(start=ends[0], end=ends[1], start_radius=0.2, end_radius=0.2))
+    capsule = only(Capsule("", None, *ends, 0.2))
     for point in np.random.default_rng(3).uniform(-1, 1, (20, 3)):
         one, two = (distance_in(g, (np.zeros(3), np.array([1.0, 0, 0, 0])), point) for g in (tapered, capsule))
         assert one[0] == pytest.approx(two[0], abs=ROUNDING)
@@ -205,7 +201,7 @@ def test_a_tapered_capsule_with_equal_radii_is_a_capsule():
 @given(vectors, rotations, vectors, vectors, rotations, st.tuples(radii, radii, radii).map(np.array))
 def test_a_box_is_where_its_fields_say(position, rotation, point, center, own, halves):
     box = Box(bone="bone", center=center, half_sizes=halves, rotation_wxyz=own)
-    distance, normal = distance_in(only_group(box), (position, rotation), point)
+    distance, normal = distance_in(only(box), (position, rotation), point)
     in_bone = rotated(quaternions.conjugate(rotation), point - position)
     in_box = rotated(quaternions.conjugate(own), in_bone - center)
     assert distance == pytest.approx(box_distance(in_box[None], halves)[0], abs=ROUNDING)
@@ -216,7 +212,7 @@ def test_a_box_is_where_its_fields_say(position, rotation, point, center, own, h
 @given(vectors, rotations, vectors, vectors, vectors.filter(lambda n: np.linalg.norm(n) > 0.1))
 def test_a_plane_is_where_its_fields_say(position, rotation, point, through, across):
     plane = Plane(bone="bone", point=through, normal=across)
-    distance, normal = distance_in(only_group(plane), (position, rotation), point)
+    distance, normal = distance_in(only(plane), (position, rotation), point)
     n = rotated(rotation, across / np.linalg.norm(across))
     assert distance == pytest.approx(n @ (point - position - rotated(rotation, through)), abs=ROUNDING)
     np.testing.assert_allclose(normal, n, atol=ROUNDING)
@@ -235,7 +231,7 @@ def test_a_plane_is_where_its_fields_say(position, rotation, point, through, acr
     ids=["capsule", "sphere", "tapered capsule", "tapered capsule, thin first", "box", "plane"],
 )
 def test_the_core_is_the_least_way_to_the_middle(collider: Collider, core: float):
-    assert only_group(collider).colliders.core[0] == core
+    assert only(collider).records.core[0] == core
 
 
 # -- poses --
@@ -248,12 +244,12 @@ def test_normals_are_gradients_in_the_world():
         TaperedCapsule(bone="b", start=np.array([0.1, 0, 0]), end=np.array([0, 0.4, 0.3])),
         Box(bone="b", half_sizes=np.array([0.3, 0.2, 0.1]), rotation_wxyz=np.array([0.6, 0.0, 0.8, 0.0])),
     ):
-        group = only_group(shape)
+        found = only(shape)
         for point in rng.uniform(1.0, 1.5, (10, 3)):
             pose = rng.standard_normal(3) * 0.2, quaternions.normalize(rng.standard_normal(4))
-            _, normal = distance_in(group, pose, point)
+            _, normal = distance_in(found, pose, point)
             gradient = [
-                (distance_in(group, pose, point + e)[0] - distance_in(group, pose, point - e)[0]) / (2 * step)
+                (distance_in(found, pose, point + e)[0] - distance_in(found, pose, point - e)[0]) / (2 * step)
                 for e in step * np.eye(3)
             ]
             # Curvature is at most 1 / 0.5 m out here.
@@ -261,12 +257,12 @@ def test_normals_are_gradients_in_the_world():
 
 
 def test_a_collider_is_placed_once_a_moment():
-    group = record(TaperedCapsules, tapered_sizes(0.5, 0.2, 0.1), thickness=0.01)
+    found = record(to_tapered_capsule, tapered_sizes(0.5, 0.2, 0.1), thickness=0.01)
     one, two = (moving(np.zeros((1, 3)), place=[[x, 0.0, 0.0]]) for x in (1.0, 2.0))
-    group.clock[MOMENT] = 1
-    place(group, 0, one.positions, one.matrices)
-    place(group, 0, two.positions, two.matrices)
-    assert group.colliders.placed[0, 9] == 1.0
-    group.clock[MOMENT] = 2
-    place(group, 0, two.positions, two.matrices)
-    assert group.colliders.placed[0, 9] == 2.0
+    found.clock[MOMENT] = 1
+    place(found, 0, one)
+    place(found, 0, two)
+    assert found.records.placed[0, 9] == 1.0
+    found.clock[MOMENT] = 2
+    place(found, 0, two)
+    assert found.records.placed[0, 9] == 2.0

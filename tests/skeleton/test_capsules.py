@@ -205,7 +205,7 @@ def test_wrong_options_are_named():
         body.capsules(scale=0)
     with pytest.raises(ValueRangeError, match="height of the capsules must be positive, got -1"):
         body.capsules(height=-1)
-    with pytest.raises(ValueRangeError, match=r"radius of the capsule 'head' must be positive, got -0\.1"):
+    with pytest.raises(ValueRangeError, match=r"capsule 'head': the radius must be positive, not -0\.1"):
         body.capsules(radii={"head": -0.1})
-    with pytest.raises(ValueRangeError, match="end of the capsule 'bar' must be three finite numbers"):
+    with pytest.raises(ValueRangeError, match="capsule 'bar': end must be 3 finite numbers"):
         Capsule("bar", None, np.zeros(3), np.array([0, 0, np.nan]), 0.1)

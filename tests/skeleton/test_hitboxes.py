@@ -4,7 +4,6 @@
 # pyright: reportMissingImports=false
 
 import tomllib
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -17,14 +16,13 @@ from hypothesis import strategies as st
 
 from motions import quaternions
 from motions.errors import FileError, UnknownNameError, ValueRangeError
-from skeleton import ROBOTS, Capsule, Hitboxes, Skeleton, add_to_geometry_model, hitboxes_of, load_hitboxes
-from skeleton.robot import links
+from skeleton import ROBOTS, Capsule, Hitboxes, Skeleton, add_to_geometry_model, hitboxes_of, links, load_hitboxes
 from skeleton.robot.hitboxes import INSIDE
 from skeleton.robot.link_surfaces import Kind, LinkSurface, geometry_model, link_surfaces
 from skeleton.robot.links import in_neutral_pose
 from skeleton.robot.solid_files import read_solids
-from skeleton.shapes import Box, Sphere, TaperedCapsule
-from skeleton.solid_measures import Bounded, signed_distance, volume
+from skeleton.shapes import Box, Cylinder, Ellipsoid, Plane, Shape, Sphere, TaperedCapsule
+from skeleton.solid_measures import signed_distance, volume
 
 QUANTILE = 0.98
 ROUNDING = 1e-9  # m
@@ -51,11 +49,11 @@ def fitted(robot: str) -> Hitboxes:
         return hitboxes_of(body_of(robot), kind=None if robot == "romeo" else "capsule")
 
 
-def named(hitboxes: Hitboxes) -> dict[str, Bounded]:
+def named(hitboxes: Hitboxes) -> dict[str, Shape]:
     return {solid.name: solid for solid in hitboxes.solids}
 
 
-def seen(body: Skeleton, solid: Bounded, point: str) -> np.ndarray:
+def seen(body: Skeleton, solid: Shape, point: str) -> np.ndarray:
     """A point of a solid in the world, the robot in its neutral pose [m], shape (3,)."""
     return in_neutral_pose(body, solid.bone, getattr(solid, point)[None])[0]
 
@@ -83,7 +81,7 @@ def test_every_humanoid_gets_something_where_a_cape_hangs(robot: str):
 LIMBS = ("upper_arm", "forearm", "hand", "thigh", "shin", "foot")
 
 
-def into_bone(body: Skeleton, solid: Bounded, point: np.ndarray) -> np.ndarray:
+def into_bone(body: Skeleton, solid: Shape, point: np.ndarray) -> np.ndarray:
     return body.rest.into_bone(body.bones.index(solid.bone), point)[None] if solid.bone else point[None]
 
 
@@ -284,7 +282,7 @@ solids_of_any_kind = st.one_of(
 )
 
 
-def same(a: Bounded, b: Bounded) -> bool:
+def same(a: Shape, b: Shape) -> bool:
     """Whether two solids have the same bits."""
     return type(a) is type(b) and all(
         np.array_equal(getattr(a, label), getattr(b, label)) for label in a.__dataclass_fields__
@@ -407,6 +405,24 @@ PAIRS = {
             rotation_wxyz=np.array([0.8, 0.0, 0.6, 0.0]),
         ),
     ),
+    "capsule and cylinder": (
+        Capsule("hand", HAND, np.array([0.0, 0.05, 0.0]), np.array([0.1, 0.0, 0.02]), 0.05),
+        Cylinder(name="thigh", bone=THIGH, start=np.array([0, 0.05, -0.3]), end=np.array([0.05, 0, 0.1]), radius=0.06),
+    ),
+    "sphere and ellipsoid": (
+        Sphere(name="hand", bone=HAND, center=np.array([0.02, 0.0, 0.05]), radius=0.06),
+        Ellipsoid(
+            name="thigh",
+            bone=THIGH,
+            center=np.array([0.0, 0.05, -0.1]),
+            radii=np.array([0.06, 0.05, 0.2]),
+            rotation_wxyz=np.array([0.8, 0.0, 0.6, 0.0]),
+        ),
+    ),
+    "sphere and plane": (
+        Sphere(name="hand", bone=HAND, center=np.array([0.02, 0.0, 0.05]), radius=0.06),
+        Plane(name="floor", point=np.array([0.0, 0.0, -1.5]), normal=np.array([0.1, 0.0, 2.0])),
+    ),
     "capsule of no length and tapered capsule that is a sphere": (
         Capsule("hand", HAND, np.full(3, 0.02), np.full(3, 0.02), 0.05),
         TaperedCapsule(name="thigh", bone=THIGH, end=np.array([0.0, 0.0, 0.02]), start_radius=0.1, end_radius=0.05),
@@ -418,7 +434,7 @@ PAIRS = {
 }
 
 
-def surface(solid: Bounded) -> np.ndarray:
+def surface(solid: Shape) -> np.ndarray:
     """Points on and in a round solid, its surface among them, in its bone's frame [m], shape (N, 3)."""
     if isinstance(solid, Sphere):
         return solid.center + solid.radius * BALL
@@ -429,7 +445,7 @@ def surface(solid: Bounded) -> np.ndarray:
     return spheres.reshape(-1, 3)
 
 
-def brute_distance(body: Skeleton, first: Bounded, second: Bounded, configuration: np.ndarray) -> float:
+def brute_distance(body: Skeleton, first: Shape, second: Shape, configuration: np.ndarray) -> float:
     """From points on the first solid to the second [m]."""
     track = body.track(configuration[None], fps=1.0)
     points = quaternions.rotate(track.rotations_wxyz[0, track.index(HAND)], surface(first))
@@ -461,17 +477,10 @@ def test_pinocchio_measures_the_distances_that_brute_force_finds(pair: str, pose
     slack = sum(0.005 * max(s.start_radius, s.end_radius) for s in (first, second) if isinstance(s, TaperedCapsule))
     assert expected - COARSE - slack <= distance <= expected + ROUNDING
     assert not pin.computeCollisions(body.model, data, geometry, geometry_data, configuration, False)
-    larger = [first, replace(second, **grown_by(second, distance + 0.002))]
+    larger = [first.grown(distance + 0.002), second]  # which is a round one, that grows as far in all directions
     geometry = add_to_geometry_model(larger, body)
     geometry.addAllCollisionPairs()
     assert pin.computeCollisions(body.model, data, geometry, geometry.createData(), configuration, False)
-
-
-def grown_by(solid: Bounded, more: float) -> dict:
-    if isinstance(solid, Box):
-        return {"half_sizes": solid.half_sizes + more}
-    labels = ("start_radius", "end_radius") if isinstance(solid, TaperedCapsule) else ("radius",)
-    return {label: getattr(solid, label) + more for label in labels}
 
 
 def test_hitboxes_join_a_geometry_model_that_is_there():

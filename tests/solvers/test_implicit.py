@@ -122,7 +122,7 @@ def test_energy_does_not_grow_without_damping(kind, stretch: float):
 
     highest = start = energy()
     for _ in range(40):
-        assert run.step(FRAME, run.solver.choose_substeps(run.room, FRAME)) == 0
+        assert run.step(FRAME, run.solver.choose_substeps(run.running, FRAME)) == 0
         highest = max(highest, energy())
     # What the tolerance leaves open, in units of a fall through the cloth's own height.
     assert highest - start < 1e-3 * weight.sum() * 0.4

@@ -2,7 +2,6 @@
 
 import hashlib
 import os
-import re
 import subprocess
 import sys
 import threading
@@ -11,18 +10,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numba import njit
 
 import cape
 from cape import Fabric, Pose, Scene, Simulation, Solver, Wind, attach
-from cape.kernels.records import Motion
-from cape.kernels.solve import euler
 from cape.run.simulate import SlowWarning
 from cape.scene.colliders import TaperedCapsule
 from cape.scene.standard_scenes import plain
 from cape.solvers import SOLVERS
 from motions.errors import ValueRangeError
 from skeleton.track import BoneTrack
+from tests.support.code import compiled_only, name_of, requests_of
 from tests.support.scenes import Run, bend_energy, every_solver, grid_cloth, mesh_cloth, spring_energy, turn_about
 
 G = 9.81  # m/s2
@@ -171,52 +168,87 @@ def test_a_grid_wider_than_the_kernels_room_is_refused():
 # -- what a scene lacks --
 
 
-def compiled(scene: Scene) -> str:
-    """Names of all that the compiled frame of a scene contains."""
-    run = Run(scene, cape.SymplecticEuler())
-    options: dict[str, Any] = {"nogil": True, "_nrt": False, "error_model": "numpy"}
-    frame = njit(**options)(euler.euler_frame.py_func)
-    own = run.assembly.ranks[0]
-    room = run.room
-    zero = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]])
-    motion = Motion(*zero, *zero)
-    frame(
-        run.state, room.model, room.inertia, room.forces, room.scratch[0], motion, own.room,
-        run.assembly.attached, own.contacts, 1, 1e-3, None, None,
-    )  # fmt: skip
-    (code,) = frame.inspect_llvm().values()
-    return code
-
-
 SCENES: dict[str, dict[str, Any]] = {
     "nothing": {},
-    "wind": {"wind": Wind()},
+    "wind": {"wind": Wind(viscous=0.0)},
+    "sticky wind": {"wind": Wind(viscous=0.1)},
     "capsule": {"colliders": [cape.Capsule("", None, np.zeros(3), np.ones(3), 0.1)]},
     "sphere": {"colliders": [cape.Sphere()]},
     "tapered capsule": {"colliders": [TaperedCapsule()]},
     "box": {"colliders": [cape.Box(thickness=0.1)]},  # so that its edges need no triangles
     "plane": {"colliders": [cape.Plane()]},
     "needle": {"colliders": [cape.Sphere(radius=0.001)]},
+    "held": {"attachments": [cape.Attachment(vertices=np.arange(3), bone="rod")]},
+    "layers": {"self_contact": cape.SelfContact()},
 }
-# Names of compiled functions, and of the records among their arguments, and the scenes in whose code they are.
+SOLID = {"capsule", "sphere", "tapered capsule", "box", "plane", "needle"}
+# Units that a feature adds to a frame, or code that they call by address, and the scenes that have it.
 FEATURES = {
-    "wind": ("grid_air_forces", {"wind"}),
-    "contact": ("7contact7collide", set(SCENES) - {"nothing", "wind"}),
-    "capsules": (r"\dCapsules_", {"capsule", "sphere", "needle"}),
-    "tapered capsules": (r"\dTaperedCapsules_", {"tapered capsule"}),
-    "boxes": (r"\dBoxes_", {"box"}),
-    "planes": (r"\dPlanes_", {"plane"}),
-    "triangles": ("5faces12collide_face", {"needle"}),
-    "journal": ("7journal10copy_state", set()),
+    "wind": ({"grid_air"}, {"wind", "sticky wind"}),
+    "viscosity": ({"skin_drag"}, {"sticky wind"}),
+    "contact": ({"find_nearby", "watch_tiles", "keep_out"}, SOLID),
+    "capsules": ({"to_capsule", "gaps of to_capsule"}, {"capsule", "sphere", "needle"}),
+    "tapered capsules": ({"to_tapered_capsule", "gaps of to_tapered_capsule"}, {"tapered capsule"}),
+    "boxes": ({"to_box", "gaps of to_box"}, {"box"}),
+    "planes": ({"to_plane", "gaps of to_plane"}, {"plane"}),
+    "triangles": ({"wake_faces", "keep_faces_out", "planes of to_capsule"}, {"needle"}),
+    "attachments": ({"lift_attached"}, {"held"}),
+    "self-contact": ({"keep_apart", "search_pairs"}, {"layers"}),
+    "journal": ({"note_integrated", "note_pressed", "note_end"}, set()),
+    "threads": ({"wait_for_all"}, set()),
+}  # fmt: skip
+# What else solvers need for a feature.
+PRESSING = {"add_contact_blocks", "find_touchable", "note_motion", "press_colliders"}
+OWN = {
+    "euler": {"attachments": {"hold_attached"}, "self-contact": {"press"}},
+    "xpbd": {"wind": {"blow_all"}, "attachments": {"aim_attached"}, "self-contact": {"press"}},
+    "backward_euler": {"contact": PRESSING, "attachments": {"place_attached"}, "self-contact": {"add_pressure"}},
+    "tr_bdf2": {
+        "contact": PRESSING | {"hold_back", "hold_back_at_start", "leave_out_contact"},
+        "attachments": {"place_attached"},
+        "self-contact": {"add_pressure", "add_held"},
+    },
 }
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_a_scene_s_code_has_what_it_needs_and_nothing_else(name: str):
+@compiled_only
+@by_default
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_frame_has_what_its_scene_needs_and_nothing_else(scene: str, name: str):
+    cloth, solver = grid_cloth([0, 0.01, 0.02], [0, 0.01, 0.02], Fabric()), SOLVERS[name]()
+    bare = set(requests_of(Scene(cloth), solver))
+    found = set(requests_of(Scene(cloth, **SCENES[scene]), solver))
+    # All that the bare scene needs is used as it is, compiled for the same groups.
+    assert bare <= found
+    expected = set[str]()
+    for feature, (code, scenes) in FEATURES.items():
+        if scene in scenes:
+            expected |= code | OWN[name].get(feature, set())
+    assert {name_of(request) for request in found - bare} == expected
+
+
+@compiled_only
+@by_default
+def test_a_mesh_has_none_of_the_grid_s_units_nor_a_grid_of_the_mesh_s(name: str):
+    side = [0, 0.01, 0.02]
+    grid, mesh = (
+        {name_of(request) for request in requests_of(Scene(make(side, side, Fabric())), SOLVERS[name]())}
+        for make in (grid_cloth, mesh_cloth)
+    )
+    assert grid - mesh
+    assert all("grid" in unit or unit == "linearise_springs" for unit in grid - mesh)
+    assert mesh - grid
+    assert all("mesh" in unit for unit in mesh - grid)
+
+
+@compiled_only
+@by_default
+def test_several_threads_need_their_meetings_more_and_nothing_else(name: str):
     cloth = grid_cloth([0, 0.01, 0.02], [0, 0.01, 0.02], Fabric())
-    code = compiled(Scene(cloth, **SCENES[name]))
-    found = {feature for feature, (marker, _) in FEATURES.items() if re.search(marker, code)}
-    assert found == {feature for feature, (_, scenes) in FEATURES.items() if name in scenes}
+    colliders = [cape.Plane(), cape.Sphere(radius=0.001)]
+    scene = Scene(cloth, colliders=colliders, wind=Wind(), self_contact=cape.SelfContact())
+    alone, together = (set(requests_of(scene, SOLVERS[name](), threads=threads)) for threads in (1, 2))
+    assert {name_of(request) for request in together - alone} == {"wait_for_all"}
 
 
 # -- time --

@@ -2,43 +2,46 @@
 
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from cape.kernels.jit import driver
-from cape.kernels.records import Team
-from cape.kernels.team import BLOCK, GONE, LINE, meet, span
+import cape
+from cape.cloth.fabric import Fabric
+from cape.kernels.jit import routine
+from cape.kernels.linking import Linker, arrivals_for
+from cape.kernels.team import BLOCK, GONE, LINE, Team, meet, span
+from cape.scene.scene import Scene
+from cape.solvers import Solver
 from cape.solvers import threads as module
+from cape.solvers.running import Thread
 from cape.solvers.threads import available_cores, cpu_quota, run
+from tests.support.processes import python
+from tests.support.scenes import Run, every_solver, grid_cloth
 
 
-@driver
+@routine
 def miscounted(rows, rounds, team):
     """Each rank writes its row, meets the others and looks at theirs: how often they weren't as far, or too far."""
     wrong = 0
     for i in range(rounds):
-        if team is not None:
-            rows[team.rank, 0] = i
+        rows[team.rank, 0] = i
         meet(team)
-        if team is not None:
-            for rank in range(team.size):
-                wrong += rows[rank, 0] != i
+        for rank in range(team.size):
+            wrong += rows[rank, 0] != i
         meet(team)
     return wrong
 
 
-@driver
+@routine
 def diffuse(values, other, rounds, team):
     """Replace each value by a mean with its neighbours, in as many rounds: every round reads what others wrote."""
-    lo, hi = span(values.size, team)
+    lo, hi = team.lo, team.hi
     for _ in range(rounds):
         for i in range(lo, hi):
             left, right = values[max(i - 1, 0)], values[min(i + 1, values.size - 1)]
@@ -49,26 +52,40 @@ def diffuse(values, other, rounds, team):
         meet(team)
 
 
-@driver
+@routine
 def meet_often(times, team):
     for _ in range(times):
         meet(team)
 
 
+def member(rank: int, arrivals: np.ndarray, vertices: int = 0) -> Team:
+    """A rank of the team that meets at `arrivals`."""
+    size = len(arrivals) // LINE
+    return Team(rank, size, *span(vertices, rank, size), arrivals)
+
+
 def diffused(size: int, *, vertices: int = 1000, rounds: int = 200) -> tuple[np.ndarray, int]:
     values = np.random.default_rng(0).normal(size=vertices)
-    other = np.zeros_like(values)
-    used = run(diffuse, lambda team: (values, other, rounds, team), size)
+    other, arrivals = np.zeros_like(values), arrivals_for(size)
+    used = run(
+        lambda rank: diffuse(values, other, rounds, member(rank, arrivals, vertices)),
+        lambda: diffuse(values, other, rounds, Team.alone(vertices)),
+        arrivals,
+    )
     return values, used
+
+
+def never() -> None:
+    """What a thread alone would do, where there must be several."""
+    raise AssertionError("nobody else is at work")
 
 
 # -- vertices --
 
 
-@settings(deadline=None)  # the first one compiles
 @given(vertices=st.integers(0, 10_000), size=st.integers(1, 9))
 def test_spans_are_whole_blocks_that_follow_each_other(vertices: int, size: int):
-    spans = [span(vertices, Team(rank, size, np.zeros(0, np.int64))) for rank in range(size)]
+    spans = [span(vertices, rank, size) for rank in range(size)]
     ends = [0, *(hi for _, hi in spans)]
     assert [lo for lo, _ in spans] == ends[:-1]
     assert ends[-1] == vertices
@@ -78,7 +95,9 @@ def test_spans_are_whole_blocks_that_follow_each_other(vertices: int, size: int)
 
 
 def test_one_thread_has_all_vertices():
-    assert span(1000, None) == (0, 1000)
+    assert span(1000, 0, 1) == (0, 1000)
+    alone = Team.alone(1000)
+    assert (alone.rank, alone.size, alone.lo, alone.hi) == (0, 1, 0, 1000)
 
 
 # -- meetings --
@@ -89,11 +108,11 @@ def test_no_rank_leaves_a_meeting_before_all_have_come(size: int):
     rounds = 20_000 if size <= 2 else 300  # with more ranks than cores every meeting takes turns of the scheduler
     rows = np.zeros((size, LINE), dtype=np.int64)
     arrivals = np.zeros(size * LINE, dtype=np.int64)
-    miscounted(rows, 0, Team(0, size, arrivals))
+    miscounted(rows, 0, member(0, arrivals))
     wrong = [-1] * size
 
     def go(rank: int) -> None:
-        wrong[rank] = miscounted(rows, rounds, Team(rank, size, arrivals))
+        wrong[rank] = miscounted(rows, rounds, member(rank, arrivals))
 
     threads = [threading.Thread(target=go, args=(rank,)) for rank in range(size)]
     for thread in threads:
@@ -101,46 +120,29 @@ def test_no_rank_leaves_a_meeting_before_all_have_come(size: int):
     for thread in threads:
         thread.join()
     assert wrong == [0] * size
-    assert arrivals[::LINE].tolist() == [2 * rounds] * size
+    # A thread alone has nobody to wait for, and does not even count.
+    assert arrivals[::LINE].tolist() == [2 * rounds if size > 1 else 0] * size
 
 
-def test_one_thread_compiles_to_no_meeting_at_all():
-    script = """
-import numpy as np
-from cape.kernels.records import Team
-from tests.solvers.test_threads import diffuse
-values = np.zeros(100)
-from numba import njit
-fresh = njit(nogil=True, _nrt=False, error_model="numpy")(diffuse.py_func)
-fresh(values, values.copy(), 1, None)
-fresh(values, values.copy(), 1, Team(0, 1, np.zeros(16, np.int64)))
-for signature in fresh.signatures:
-    code = fresh.inspect_llvm(signature)
-    print([word in code for word in ("atomic", "sched_yield", "pause")])
-"""
-    seen = _python(script).split("\n")
-    assert seen[:2] == ["[False, False, False]", "[True, True, True]"]
+@every_solver
+def test_the_frame_of_a_thread_alone_has_no_meeting_at_all(solver: Solver):
+    cloth = grid_cloth(np.linspace(0, 0.1, 5), np.linspace(0, 0.1, 5), Fabric())
+    colliders = [cape.Sphere(radius=0.001), cape.Plane()]
+    scene = Scene(cloth, colliders=colliders, wind=cape.Wind(), self_contact=cape.SelfContact())
+    running = Run(scene, solver, threads=2).running
+    counts = []
+    for rank, size in ((0, 1), (0, 2), (1, 2)):
+        order = solver.units(Thread(running, rank, size, None), Linker())
+        counts.append(sum(use.unit.__name__ == "wait_for_all" for use in (*order.begin, *order.substep)))
+    assert counts[0] == 0
+    assert counts[1] == counts[2] > 4
 
 
 def test_nobody_waits_for_a_rank_that_is_gone():
     arrivals = np.zeros(3 * LINE, dtype=np.int64)
     arrivals[LINE] = arrivals[2 * LINE] = GONE
-    meet_often(1000, Team(0, 3, arrivals))
+    meet_often(1000, member(0, arrivals))
     assert arrivals[0] == 1000
-
-
-def _python(script: str, **environment: str) -> str:
-    """What a fresh process prints that can import this file."""
-    place = {"PYTHONPATH": str(Path(__file__).parents[2])}
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        env={**os.environ, **place, **environment},
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 # -- teams --
@@ -156,13 +158,9 @@ def test_any_number_of_ranks_gives_the_same_bits():
     assert np.abs(np.diff(alone)).max() < 0.1  # it did diffuse
 
 
-def test_every_rank_gets_its_own_arguments():
-    seen = []
-
-    def note(rank, thread) -> None:
-        seen.append((rank, threading.current_thread() is thread))
-
-    used = run(note, lambda team: (None if team is None else team.rank, threading.current_thread()), 3)
+def test_every_rank_is_called_once_the_first_on_the_calling_thread():
+    seen, caller = [], threading.current_thread()
+    used = run(lambda rank: seen.append((rank, threading.current_thread() is caller)), never, arrivals_for(3))
     assert used == 3
     assert sorted(seen) == [(0, True), (1, False), (2, False)]
 
@@ -173,7 +171,7 @@ def test_a_team_within_a_team_is_one_thread():
     def outer() -> None:
         inner.append(diffused(2))
 
-    assert run(outer, lambda team: (), 2) == 2
+    assert run(lambda rank: outer(), never, arrivals_for(2)) == 2
     alone, _ = diffused(1)
     assert [used for _, used in inner] == [1, 1]
     for values, _ in inner:
@@ -202,42 +200,34 @@ def test_teams_of_several_python_threads_go_side_by_side():
 
 @pytest.mark.parametrize("failing", [0, 1, 2])
 def test_a_rank_that_fails_does_not_leave_the_others_waiting(failing: int):
-    def frame(team) -> None:
-        if team.rank == failing:
-            raise ValueError(f"rank {team.rank}")
-        meet_often(10, team)
+    arrivals = arrivals_for(3)
+
+    def frame(rank: int) -> None:
+        if rank == failing:
+            raise ValueError(f"rank {rank}")
+        meet_often(10, member(rank, arrivals))
 
     with pytest.raises(ValueError, match=f"rank {failing}"):
-        run(frame, lambda team: (team,), 3)
+        run(frame, never, arrivals)
     assert diffused(2)[1] == 2
 
 
 @pytest.mark.parametrize("times", [(3, 5), (5, 3)])
 def test_ranks_that_meet_unequally_often_are_found_out(times: tuple[int, int]):
+    arrivals = arrivals_for(2)
     with pytest.raises(RuntimeError, match=f"unequally often: {times[0]}, {times[1]} times"):
-        run(meet_often, lambda team: (times[team.rank] if team else 0, team), 2)
-
-
-def test_arguments_that_cannot_be_made_stop_nobody():
-    def arguments(team):
-        if team.rank == 1:
-            raise MemoryError
-        return (1, team)
-
-    with pytest.raises(MemoryError):
-        run(meet_often, arguments, 2)
-    assert diffused(2)[1] == 2
+        run(lambda rank: meet_often(times[rank], member(rank, arrivals)), never, arrivals)
 
 
 @pytest.mark.parametrize("when", [0.0, 0.01, 0.05])
 def test_an_interrupt_ends_all_ranks_before_it_is_raised(when: float):
-    at_work = []
+    at_work, arrivals = [], arrivals_for(2)
 
-    def frame(team) -> None:
-        at_work.append(team.rank)
-        meet_often(50_000, team)
-        time.sleep(0.02 * team.rank)
-        at_work.remove(team.rank)
+    def frame(rank: int) -> None:
+        at_work.append(rank)
+        meet_often(50_000, member(rank, arrivals))
+        time.sleep(0.02 * rank)
+        at_work.remove(rank)
 
     def interrupt() -> None:
         time.sleep(when)
@@ -246,7 +236,7 @@ def test_an_interrupt_ends_all_ranks_before_it_is_raised(when: float):
     def go_on() -> None:
         thread.start()
         while True:
-            run(frame, lambda team: (team,), 2)
+            run(frame, never, arrivals)
 
     thread = threading.Thread(target=interrupt)
     with pytest.raises(KeyboardInterrupt):
@@ -269,20 +259,20 @@ if child:
     assert os.waitpid(child, 0)[1] == 0
     print("both")
 """
-    assert _python(script) == "both\n"
+    assert python(script) == "both\n"
 
 
 def test_another_process_takes_teams_from_the_cache(tmp_path: Path):
     script = """
-from tests.solvers.test_threads import diffuse, diffused
+from cape.kernels import store
+from tests.solvers.test_threads import diffused
 import hashlib
 values, used = diffused(2)
-stats = diffuse.stats
-print(used, sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), hashlib.sha256(values).hexdigest())
+print(used, store.compiled.count("diffuse"), len(store.compiled), hashlib.sha256(values).hexdigest())
 """
-    first, second = (_python(script, NUMBA_CACHE_DIR=str(tmp_path)).split() for _ in range(2))
-    assert first[:3] == ["2", "0", "1"]
-    assert second[:3] == ["2", "1", "0"]
+    first, second = (python(script, NUMBA_CACHE_DIR=str(tmp_path)).split() for _ in range(2))
+    assert first[:3] == ["2", "1", "1"]
+    assert second[:3] == ["2", "0", "0"]
     assert first[3] == second[3]
 
 
@@ -290,11 +280,11 @@ def test_without_the_compiler_there_is_one_thread():
     script = (
         "from tests.solvers.test_threads import diffused; print(diffused(2)[1], diffused(1, rounds=2)[0].sum() != 0)"
     )
-    assert _python(script, NUMBA_DISABLE_JIT="1") == "1 True\n"
+    assert python(script, NUMBA_DISABLE_JIT="1") == "1 True\n"
 
 
 def test_idle_helpers_let_the_process_end():
-    assert _python("from tests.solvers.test_threads import diffused; print(diffused(4)[1])") == "4\n"
+    assert python("from tests.solvers.test_threads import diffused; print(diffused(4)[1])") == "4\n"
 
 
 # -- cores --
@@ -304,10 +294,10 @@ def test_cores_are_those_that_the_process_may_use():
     script = """
 import os
 os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])
-from cape.team import available_cores
+from cape.solvers.threads import available_cores
 print(available_cores())
 """
-    assert _python(script) == "1\n"
+    assert python(script) == "1\n"
     assert 1 <= available_cores() <= (os.cpu_count() or 1)
 
 

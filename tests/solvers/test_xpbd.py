@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from cape import XPBD, Fabric, Scene, SymplecticEuler, attach
 from cape.assembly.coloring import by_color
 from cape.cloth.cloth import Cloth
+from cape.kernels.xpbd.grid import GridConstraints
 from cape.solvers import Solver
 from tests.support.scenes import Run, grid_cloth, turn_about
 
@@ -103,13 +104,13 @@ def test_what_is_absent_is_what_vanishes(layout: str):
     without, with_little = (
         swung(layout, XPBD(precision="double"), 20, frames=2, fabric=f).positions for f in (bare, least)
     )
-    room = XPBD().init(Run(Scene(cloth_of(layout, bare)), XPBD()).assembly)
-    assert (room.damping, room.bend_damping, room.air) == (None, None, None)
-    if room.grid is not None:
-        assert room.mesh is room.grid.diagonal is room.grid.bend_down is room.grid.across.impulse is None
+    arrays = XPBD().arrays(Run(Scene(cloth_of(layout, bare)), XPBD()).assembly)
+    assert (arrays.damping, arrays.bend_damping, arrays.forces) == (None, None, {})
+    constraints = arrays.constraints
+    if isinstance(constraints, GridConstraints):
+        assert constraints.diagonal is constraints.bend_down is constraints.across.impulse is None
     else:
-        assert room.mesh is not None
-        assert room.mesh.bend is room.mesh.stretch.slack is None
+        assert constraints.bend is constraints.stretch.slack is None
     np.testing.assert_allclose(without, with_little, atol=1e-9)
 
 
@@ -134,7 +135,7 @@ def test_any_stiffness_is_finite_and_gains_no_energy(layout: str, stretch: float
     rounding = 0.5 * springs.stiffness.sum() * (0.7 * 2.0**-25) ** 2 * 4
     last = start = energy()
     for _ in range(60):
-        run.step(1 / 60, run.solver.choose_substeps(run.room, 1 / 60))
+        run.step(1 / 60, run.solver.choose_substeps(run.running, 1 / 60))
         now = energy()
         assert now <= last + 1e-5 * start + rounding
         last = now

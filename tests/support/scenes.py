@@ -10,7 +10,8 @@ from cape.assembly.assemble import assemble
 from cape.assembly.springs import springs_of
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.cloth.fabric import Fabric
-from cape.kernels.records import Motion, State
+from cape.kernels.bones import Motion
+from cape.kernels.state import State
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2, XPBD, BackwardEuler, Solver, SymplecticEuler
 
@@ -63,11 +64,11 @@ class Run:
         self.solver, self.scene = solver, scene
         self.assembly = assemble(scene, [a.vertices for a in scene.attachments], threads=threads)
         self.threads = threads
-        self.room = solver.init(self.assembly)
         start = scene.cloth.positions
         speeds = np.broadcast_to(np.asarray(velocities, float), start.shape)
         start, speeds = self.assembly.inwards(start), self.assembly.inwards(speeds)
         self.state = State(*(np.array(c, dtype=solver.dtype(self.assembly)) for c in (*start.T, *speeds.T)))
+        self.running = solver.init(self.assembly, self.state)
         attached = self.assembly.attached
         if attached is not None:
             attached.points[:] = start[attached.vertices]
@@ -78,9 +79,7 @@ class Run:
         """Advance by `duration` [s] while the bones move to `pose`: positions (B, 3) and rotations wxyz (B, 4)."""
         following = self.pose if pose is None else (np.array(pose[0], float), np.array(pose[1], float))
         motion = Motion(*(_with_world(*self.pose)), *(_with_world(*following)))
-        unconverged = self.solver.step(
-            self.assembly, self.room, self.state, motion, duration=duration, substeps=substeps, threads=self.threads
-        )
+        unconverged = self.solver.step(self.running, motion, duration=duration, substeps=substeps, threads=self.threads)
         self.pose = following
         attached = self.assembly.attached
         if attached is not None:
@@ -97,7 +96,7 @@ class Run:
     def stable_substeps(self, duration: float = 1 / 60) -> int:
         """Number of substeps at which symplectic Euler is stable, whatever the run's own solver."""
         euler = SymplecticEuler(precision=self.solver.precision)
-        return euler.choose_substeps(euler.init(self.assembly), duration)
+        return euler.choose_substeps(euler.init(self.assembly, self.state), duration)
 
     @property
     def positions(self) -> FloatArray:

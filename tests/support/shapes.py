@@ -1,14 +1,30 @@
 """Signed distances from shapes, many points at once, sharing nothing with the package's own, and records by hand."""
 
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cape.kernels.contact import contact
-from cape.kernels.contact.shapes import COLLIDER, MOMENT, Boxes, Capsules, Planes, Shapes, TaperedCapsules
-from cape.kernels.contact.watch import TILE, measure_tiles
-from cape.kernels.records import MotionRoom, State
+from cape.kernels import store
+from cape.kernels.bones import MotionRoom
+from cape.kernels.contact import contact, shapes, units
+from cape.kernels.contact.distance import to_box, to_capsule, to_plane, to_tapered_capsule
+from cape.kernels.contact.faces import GROUP, SEEN, FaceContact
+from cape.kernels.contact.shapes import COLLIDER, MOMENT, Colliders, Faces, Points
+from cape.kernels.contact.watch import NEVER, TILE, measure_tiles
+from cape.kernels.jit import COMPILER_OFF, formula_of
+from cape.kernels.linking import Linker
+from cape.kernels.packing import Packed
+from cape.kernels.state import State
+from cape.kernels.team import Team
 
 FloatArray = NDArray[np.float64]
+Kind = Callable[..., Any]
+"""A kind of shape is the function that tells distances from it."""
+
+KINDS: tuple[Kind, ...] = (to_capsule, to_tapered_capsule, to_box, to_plane)
 
 
 def capsule_distance(points: FloatArray, start: ArrayLike, end: ArrayLike, radius: float) -> FloatArray:
@@ -61,20 +77,45 @@ def tapered_sizes(length: float, start_radius: float, end_radius: float) -> tupl
     return length, start_radius, float(np.sin(angle)), float(np.tan(angle))
 
 
-def reference_distance(kind: type[Shapes], sizes: ArrayLike, points: FloatArray) -> FloatArray:
+def reference_distance(kind: Kind, sizes: ArrayLike, points: FloatArray) -> FloatArray:
     """Distance of points (N, 3) in a shape's own frame by the functions of this module, shape (N,)."""
     a, b, c, _ = np.asarray(sizes, float)
-    if kind is Capsules:
+    if kind is to_capsule:
         return capsule_distance(points, (0, 0, 0), (0, 0, a), b)
-    if kind is TaperedCapsules:
+    if kind is to_tapered_capsule:
         return tapered_distance(points, (0, 0, 0), (0, 0, a), (b, b - c * a))
-    if kind is Boxes:
+    if kind is to_box:
         return box_distance(points, (a, b, c))
     return points[:, 2]
 
 
+def room(count: int) -> Points:
+    """Room for so many points as seen from a shape."""
+    return Points(*np.zeros((7, count)))
+
+
+@cache
+def addresses(kind: Kind) -> tuple[int, int, int]:
+    """Where the distances from a kind of shape are: `nearest`, `gaps` and `planes` of a record."""
+    formula, numbers, points = formula_of(kind), ("float",) * 4, Packed(room(1)).kind
+    wanted = (
+        (formula, ("float",) * 7),
+        (shapes.gaps.around(formula), (points, "int", "float", *numbers)),
+        (shapes.planes.around(formula), (points, "int", *numbers)),
+    )
+    if COMPILER_OFF:
+        shapes.numbered.extend(function for function, _ in wanted)
+        first = len(shapes.numbered) - len(wanted)
+        return first, first + 1, first + 2
+    found, linker = [0, 0, 0], Linker()
+    for k, (function, kinds) in enumerate(wanted):
+        linker.want(store.Request(function, kinds), lambda address, k=k: found.__setitem__(k, address))
+    linker.link()
+    return found[0], found[1], found[2]
+
+
 def record(
-    kind: type[Shapes],
+    kind: Kind,
     sizes: ArrayLike,
     *,
     thickness: float,
@@ -83,23 +124,34 @@ def record(
     origins: ArrayLike = (0.0, 0.0, 0.0),
     frames: ArrayLike | None = None,
     vertices: int = 1,
-) -> Shapes:
+) -> Colliders:
     """Colliders of one kind, sizes (C, 4), for so many vertices; bone 0 carries them, in its own frame, unless told."""
     sizes = np.asarray(sizes, float).reshape(-1, 4)
-    count, tiles = len(sizes), -(-vertices // TILE)
     core = {
-        Capsules: sizes[:, 1],
-        TaperedCapsules: np.minimum(sizes[:, 1], sizes[:, 1] - sizes[:, 2] * sizes[:, 0]),
-        Boxes: sizes[:, :3].min(axis=1),
-        Planes: np.full(count, np.inf),
+        to_capsule: sizes[:, 1],
+        to_tapered_capsule: np.minimum(sizes[:, 1], sizes[:, 1] - sizes[:, 2] * sizes[:, 0]),
+        to_box: sizes[:, :3].min(axis=1),
+        to_plane: np.full(len(sizes), np.inf),
     }
-    turned = np.tile(np.eye(3), (count, 1, 1)) if frames is None else np.asarray(frames, float)
-    rows = np.zeros(count, COLLIDER).view(np.recarray)
+    turned = np.tile(np.eye(3), (len(sizes), 1, 1)) if frames is None else np.asarray(frames, float)
+    rows = np.zeros(len(sizes), COLLIDER).view(np.recarray)
     rows.bone = 0 if bones is None else bones
     rows.origin, rows.frame, rows.sizes, rows.core = origins, turned, sizes, core[kind]
     rows.thickness, rows.friction = thickness, friction
-    return kind(
-        colliders=rows,
+    rows.nearest, rows.gaps, rows.planes = addresses(kind)
+    return _noted(rows, -(-vertices // TILE))
+
+
+def together(*parts: Colliders) -> Colliders:
+    """One list of the colliders of several, with notes of its own."""
+    rows = np.concatenate([part.records for part in parts]).view(np.recarray)
+    return _noted(rows, max(len(part.next) for part in parts))
+
+
+def _noted(rows: Any, tiles: int) -> Colliders:
+    count = len(rows)
+    return Colliders(
+        records=rows,
         active=np.array([count, *range(count)]),
         clock=np.zeros(2, np.int64),
         wake=np.zeros((tiles, count), np.int64),
@@ -107,11 +159,34 @@ def record(
         spreads=np.zeros((tiles, 3)),
         alarm=np.full(tiles + 1, -1),
         hot=np.zeros(count + 1, np.int64),
-        gaps=np.zeros(TILE),
+        points=room(TILE),
         touches=np.zeros(TILE, np.int64),
         before=np.zeros((6, TILE)),
         between=np.ones(tiles, bool),
         pinched=np.zeros(TILE * tiles, bool),
+    )
+
+
+def kind_of(colliders: Colliders, c: int = 0) -> Kind:
+    """The kind of shape that one of some colliders, made by `record`, has."""
+    return next(kind for kind in KINDS if addresses(kind)[0] == colliders.records.nearest[c])
+
+
+def faces_record(corners: NDArray[np.integer], starts: ArrayLike, tiles: ArrayLike, colliders: Colliders) -> Faces:
+    """Triangles (3, F) in groups that are to be kept out of colliders, none of them longer than 20 cm."""
+    groups = len(np.asarray(tiles))
+    return Faces(
+        corners=np.ascontiguousarray(corners.astype(np.uint32)),
+        starts=np.array(starts, np.int64),
+        tiles=np.array(tiles, np.int64),
+        longest=0.2,
+        wake=np.zeros((groups, len(colliders.records)), np.int64),
+        next=np.zeros(groups, np.int64),
+        due=np.zeros(1, np.int64),
+        middles=room(GROUP),
+        seen=np.zeros((SEEN, GROUP)),
+        haste=np.zeros(1),
+        pushed=np.zeros(1, np.int64),
     )
 
 
@@ -138,10 +213,30 @@ def moving(
     )
 
 
+def touching(
+    s: State, colliders: Colliders, m: MotionRoom, *, free: ArrayLike | None = None, earlier=None, share: float = 1.0
+) -> contact.Contact:
+    """The contact of vertices, all of them free and of 1 kg unless told, with colliders."""
+    loose = np.ones(s.x.size, bool) if free is None else np.asarray(free, bool)
+    straight = earlier is None
+    start = np.zeros((1, 1)) if earlier is None else earlier
+    return contact.Contact(s, loose.astype(float), loose, start, straight, colliders, m, share, np.full(1, NEVER))
+
+
 def collide(
-    lo: int, hi: int, free, s: State, earlier, shapes: Shapes, m: MotionRoom, share: float, turn: int, step: float
+    lo: int, hi: int, free, s: State, earlier, colliders: Colliders, m: MotionRoom, share: float, turn: int, step: float
 ) -> None:
-    """Contact of vertices with one kind of colliders, whose bones have moved, as in a frame."""
-    shapes.clock[MOMENT] += 1
-    measure_tiles(lo, hi, s, shapes.spreads, turn, step)
-    contact.collide(lo, hi, free, s, earlier, shapes, m, share, turn, step)
+    """Contact of vertices with colliders, whose bones have moved, as in a frame."""
+    colliders.clock[MOMENT] += 1
+    measure_tiles(lo, hi, s, colliders.spreads, turn, step)
+    contact.collide(touching(s, colliders, m, free=free, earlier=earlier, share=share), lo, hi, turn, step)
+
+
+def keep_out(touch: contact.Contact, faces: Faces | None, turn: int, step: float) -> None:
+    """All that a single thread does about colliders in a substep, whose bones have moved, in a frame's order."""
+    team, duration = Team.alone(touch.state.x.size), np.ones(1)
+    units.watch_tiles(units.Nearby(touch.state, touch.colliders, touch.bones, duration), team, turn, turn + 1, step)
+    if faces is not None:
+        units.keep_out(units.FirstLook(touch, True), team, turn, turn + 1, step)
+        units.keep_faces_out(FaceContact(touch, faces), team, turn, turn + 1, step)
+    units.keep_out(units.FirstLook(touch, False), team, turn, turn + 1, step)

@@ -13,11 +13,10 @@ from cape.cli.rows import print_rows
 from cape.cli.running import simulated
 from cape.reach import Reach, reach_of
 from cape.results.take import Take
-from cape.scene.colliders import Box, Collider, Sphere, TaperedCapsule
+from cape.scene.colliders import Collider
 from cape.scene.dress import dress
 from cape.scene.scene import Scene
 from motions.errors import UserError
-from skeleton import Capsule
 
 
 def run(
@@ -78,21 +77,11 @@ def _text(collider: Collider, reach: Reach | None) -> str:
     """What a collider is, how thick, and whether a cape can reach it."""
     thickness = Scene.thickness if collider.thickness is None else collider.thickness
     carrier = "that stands still" if collider.bone is None else f"on {collider.bone}"
-    text = f"{_shape(collider)} {carrier}, thickness {1000 * thickness:g} mm"
+    text = f"{collider.describe()} {carrier}, thickness {1000 * thickness:g} mm"
     if reach is None:
         return text
     kept = reach.kept.get(collider.name)
     return f"{text}; " + (f"left out: {reach.left_out[collider.name]}" if kept is None else f"kept: {kept}")
-
-
-def _shape(collider: Collider) -> str:
-    if isinstance(collider, Capsule | Sphere):
-        return f"{type(collider).__name__.lower()} of {1000 * collider.radius:.0f} mm"
-    if isinstance(collider, TaperedCapsule):
-        return f"tapered capsule of {1000 * collider.start_radius:.0f} to {1000 * collider.end_radius:.0f} mm"
-    if isinstance(collider, Box):
-        return "box of " + " x ".join(f"{2000 * half:.0f}" for half in collider.half_sizes) + " mm"
-    return "plane"
 
 
 def _touched(take: Take) -> dict[str, str]:

@@ -50,14 +50,15 @@ class Contact(NamedTuple):
     """The cloth and what it can't enter.
 
     `inverse_mass` [1/kg] and `free`, False for attached vertices, (V,); `earlier` are the positions at a step's start
-    (at least 3, V), None where they are x - step v; `share` of the thickness is kept; `settled` (1,) is the last turn
-    in which triangles left nothing to do for vertices.
+    (at least 3, V), unless those are x - step v, as `straight` says; `share` of the thickness is kept; `settled` (1,)
+    is the last turn in which triangles left nothing to do for vertices.
     """
 
     state: State
     inverse_mass: NDArray[np.floating]
     free: NDArray[np.bool_]
-    earlier: NDArray[np.floating] | None
+    earlier: NDArray[np.floating]
+    straight: bool
     colliders: Colliders
     bones: MotionRoom
     share: float
@@ -145,11 +146,12 @@ def from_where_it_came(contact, c, i, step):
 
 
 @inlined
-def before(s, i, step, earlier):
+def before(contact, i, step):
     """Where vertex i was at the start of the step [m]."""
-    if earlier is None:
+    s, earlier = contact.state, contact.earlier
+    if contact.straight:
         return s.x[i] - step * s.vx[i], s.y[i] - step * s.vy[i], s.z[i] - step * s.vz[i]
-    return earlier[0, i], earlier[1, i], earlier[2, i]
+    return np.float64(earlier[0, i]), np.float64(earlier[1, i]), np.float64(earlier[2, i])
 
 
 @inlined
@@ -181,7 +183,7 @@ def carried(x, y, z, bone, turned, step, m):
 def at_start(contact, c, i, turned, step):
     """Where vertex i was at the start of the step in the frame that collider c had then, `turned` since."""
     record = contact.colliders.records[c]
-    x, y, z = before(contact.state, i, step, contact.earlier)
+    x, y, z = before(contact, i, step)
     x, y, z = carried(x, y, z, record.bone, turned, step, contact.bones)
     return into_shape(record.placed, x, y, z)
 

@@ -34,6 +34,7 @@ THIRD = 1.0 / 3.0
 SHARE = 0.5  # of the thickness: vertices at all of it hold most triangles off without any help
 STEPS = 80  # of a search at most: four are usual, with boxes eleven
 SETTLED = 1e-7  # m that a search's step must promise
+SURE = 0.5  # of what a triangle is off a limit, that must be sure for a search to end
 PIERCED = 0.8  # of the core: deeper in, the normal tells no way out
 LEVER = 2.0  # times as far as the point that is moved a corner may be
 SLOWER = 0.5  # share of the vertices' own speed, at which a triangle that is inside leaves
@@ -87,7 +88,7 @@ def weights_of_nearest(px, py, pz, ax, ay, az, bx, by, bz, cx, cy, cz):
 
 
 @routine
-def deepest_on_triangle(colliders, c, first, second, third):
+def deepest_on_triangle(colliders, c, first, second, third, limit):
     """The point of a triangle deepest in collider c, all in the collider's frame [m].
 
     A proximal bundle method with one aggregate (Kiwiel 1990, "Proximity control in bundle methods for convex
@@ -96,7 +97,10 @@ def deepest_on_triangle(colliders, c, first, second, third):
     this plane and the one where it led that promises least then leads on. A plane's `lag` [m] is how far it is below
     the distance here; one that lags much tells of places too far away.
 
-    Returns its signed distance [m], the normal there and its barycentric weights.
+    Where no point of the triangle is within `limit` [m] of the surface, the search ends as soon as that is sure: as the
+    distance is convex, it lies above the planes, and these are lowest at a corner.
+
+    Returns its signed distance [m], the normal there, its barycentric weights, and a bound from below of the distance.
     """
     ax, ay, az = first
     bx, by, bz = second
@@ -111,7 +115,12 @@ def deepest_on_triangle(colliders, c, first, second, third):
     core = colliders.records[c].core
     way = max(distance + core, 0.1 * core)
     dx, dy, dz, lag = nx, ny, nz, 0.0
+    bound = -math.inf
     for _ in range(STEPS):
+        lowest = min(dx * ax + dy * ay + dz * az, min(dx * bx + dy * by + dz * bz, dx * cx + dy * cy + dz * cz))
+        bound = max(bound, distance - lag + lowest - (dx * x + dy * y + dz * z))
+        if distance > limit and bound - limit > SURE * (distance - limit):
+            return distance, nx, ny, nz, u, v, w, bound
         p, q, r = weights_of_nearest(x - way * dx, y - way * dy, z - way * dz, ax, ay, az, bx, by, bz, cx, cy, cz)
         tx, ty, tz = p * ax + q * bx + r * cx, p * ay + q * by + r * cy, p * az + q * bz + r * cz
         gx, gy, gz = x - tx, y - ty, z - tz
@@ -138,23 +147,23 @@ def deepest_on_triangle(colliders, c, first, second, third):
         share = lag - other - way * (dx * mx + dy * my + dz * mz)
         share = min(max(share / apart, 0.0), 1.0) if apart > 0.0 else 0.0
         dx, dy, dz, lag = dx + share * mx, dy + share * my, dz + share * mz, lag + share * (other - lag)
-    return distance, nx, ny, nz, u, v, w
+    return distance, nx, ny, nz, u, v, w, distance
 
 
 @routine
 def respond_on_triangle(contact, c, corners, weights, depth, normal, step, most):
-    """Stop a point of a triangle at collider c, as `contact.respond` does a vertex, and return its speed as that does."""
+    """Stop a point of a triangle at collider c, as `contact.respond` does a vertex; returns what that does."""
     s, inverse_mass, record = contact.state, contact.inverse_mass, contact.colliders.records[c]
     i, j, k = corners
     u, v, w = weights
     nx, ny, nz = normal
-    a, b, c = u * inverse_mass[i], v * inverse_mass[j], w * inverse_mass[k]
-    mobility = u * a + v * b + w * c
+    a, b, o = u * inverse_mass[i], v * inverse_mass[j], w * inverse_mass[k]
+    mobility = u * a + v * b + w * o
     if mobility <= 0.0:
         return 0.0
     # Near a corner that is held the others would have to swing out far.
-    mobility = max(mobility, max(a, max(b, c)) / LEVER)
-    a, b, c = a / mobility, b / mobility, c / mobility
+    mobility = max(mobility, max(a, max(b, o)) / LEVER)
+    a, b, o = a / mobility, b / mobility, o / mobility
     x = u * s.x[i] + v * s.x[j] + w * s.x[k]
     y = u * s.y[i] + v * s.y[j] + w * s.y[k]
     z = u * s.z[i] + v * s.z[j] + w * s.z[k]
@@ -173,18 +182,18 @@ def respond_on_triangle(contact, c, corners, weights, depth, normal, step, most)
     s.vx[j] += b * ux
     s.vy[j] += b * uy
     s.vz[j] += b * uz
-    s.vx[k] += c * ux
-    s.vy[k] += c * uy
-    s.vz[k] += c * uz
+    s.vx[k] += o * ux
+    s.vy[k] += o * uy
+    s.vz[k] += o * uz
     s.x[i] += a * px
     s.y[i] += a * py
     s.z[i] += a * pz
     s.x[j] += b * px
     s.y[j] += b * py
     s.z[j] += b * pz
-    s.x[k] += c * px
-    s.y[k] += c * py
-    s.z[k] += c * pz
+    s.x[k] += o * px
+    s.y[k] += o * py
+    s.z[k] += o * pz
     return inwards
 
 
@@ -334,6 +343,31 @@ def least_gap(placed, thickness, seen, nx, ny, nz, gaps):
 
 
 @inlined
+def known_gap(faces, f, c, first, second, third):
+    """A bound from below of triangle f's distance from collider c [m], from the last time that it was searched for.
+
+    No point of it has moved by more than that corner which has moved farthest, nor has its distance changed by more.
+    """
+    if faces.known_of[f] != c:
+        return -math.inf
+    k = faces.known[f]
+    moved = distance_between((k[1], k[2], k[3]), first)
+    moved = max(moved, distance_between((k[4], k[5], k[6]), second))
+    return k[0] - max(moved, distance_between((k[7], k[8], k[9]), third))
+
+
+@inlined
+def remember_gap(faces, f, c, first, second, third, bound):
+    """Note a bound of triangle f's distance from collider c [m], and where its corners were."""
+    faces.known_of[f] = c
+    k = faces.known[f]
+    k[0] = bound
+    k[1], k[2], k[3] = first
+    k[4], k[5], k[6] = second
+    k[7], k[8], k[9] = third
+
+
+@inlined
 def between(t, start, end):
     """The point a share t of the way from one to another."""
     return (
@@ -383,7 +417,7 @@ def collide_face(contact, faces, f, c, thickness, step, follow):
             a, b, d = between(t, p, first), between(t, q, second), between(t, o, third)
             if clearance(colliders, c, a, b, d) > thickness:
                 continue
-            distance, nx, ny, nz, u, v, w = deepest_on_triangle(colliders, c, a, b, d)
+            distance, nx, ny, nz, u, v, w, _ = deepest_on_triangle(colliders, c, a, b, d, thickness)
             if distance > thickness or distance < -PIERCED * core:
                 continue
             # Where it comes in is where it is to stay out: the depth at the step's end is that along this normal.
@@ -395,13 +429,17 @@ def collide_face(contact, faces, f, c, thickness, step, follow):
                     step, -along + most,
                 )  # fmt: skip
                 return -1.0, inwards
-    distance, nx, ny, nz, u, v, w = deepest_on_triangle(colliders, c, first, second, third)
+    known = known_gap(faces, f, c, first, second, third) - thickness
+    if known >= 0.0:
+        return known, 0.0
+    distance, nx, ny, nz, u, v, w, bound = deepest_on_triangle(colliders, c, first, second, third, thickness)
+    remember_gap(faces, f, c, first, second, third, bound)
     inwards = 0.0
     if -PIERCED * core <= distance < thickness:
         inwards = respond_on_triangle(
             contact, c, corners, (u, v, w), thickness - distance, direction_to_world(r, nx, ny, nz), step, most
         )
-    return distance - thickness, inwards
+    return bound - thickness, inwards
 
 
 @inlined

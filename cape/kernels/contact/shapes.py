@@ -89,8 +89,10 @@ class Faces(NamedTuple):
     `corners` (3, F) are vertices; those of group g of triangles, from `starts` (G + 1,) g to g + 1, hang on vertices of
     the same one of the `tiles` (G,), by edges of at most `longest` [m]. Notes: for each group `wake` (G, C) and `next`
     (G,), as for the tiles of `Colliders`; `due`, the first of those of each chunk of groups; `middles`, of the group
-    that is looked at, and `seen`, its triangles; `haste`, how far a collider came past triangles in one step at most,
-    as a share of what contact can follow; `pushed`, the last turn in which any of them touched.
+    that is looked at, and `seen`, its triangles; `known` (F, 10), a bound from below of each triangle's distance [m]
+    from the collider `known_of` (F,), and the corners in that collider's frame then; `haste`, how far a collider came
+    past triangles in one step at most, as a share of what contact can follow; `pushed`, the last turn in which any of
+    them touched.
     """
 
     corners: NDArray[np.uint32]
@@ -102,6 +104,8 @@ class Faces(NamedTuple):
     due: NDArray[np.int64]
     middles: Points
     seen: Array
+    known: Array
+    known_of: NDArray[np.int64]
     haste: Array
     pushed: NDArray[np.int64]
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cape.kernels.bones import MotionRoom
 from cape.kernels.contact.contact import Contact, collide
 from cape.kernels.contact.faces import collide_faces
-from cape.kernels.contact.shapes import MOMENT, Colliders, Faces
+from cape.kernels.contact.shapes import MOMENT, Colliders
 from cape.kernels.contact.watch import NEVER, begin, is_due, measure_tiles
 from cape.kernels.jit import unit
 from cape.kernels.state import State
@@ -54,6 +54,12 @@ def watch_tiles(g, team, substep, substeps, step):
 
 
 @unit
+def note_motion(g, team, substep, substeps, step):
+    """Note that the bones have moved, and with them the colliders."""
+    g.clock[MOMENT] += 1
+
+
+@unit
 def keep_out(g, team, substep, substeps, step):
     """Keep vertices out of all colliders.
 
@@ -74,6 +80,3 @@ def keep_faces_out(g, team, substep, substeps, step):
     collide_faces(g, substep, step)
     untouched = substep == 0 and g.faces.pushed[0] != substep
     g.contact.settled[0] = substep if untouched else NEVER
-
-
-__all__ = ["Faces", "FirstLook", "Nearby", "find_nearby", "keep_faces_out", "keep_out", "wake_faces", "watch_tiles"]

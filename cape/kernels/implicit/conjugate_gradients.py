@@ -99,13 +99,13 @@ def sum_all(lo, hi, front, terms, sums, team):
 
 
 @routine
-def solve_linear(problem, work, b, forcing, team):
+def solve_linear(system, b, forcing, team):
     """Solve A d = r until the residual, in the norm of the preconditioner, is `forcing` times what it was.
 
     `vectors` (5, 3, L) of the matrix holds d, r, z, p, q; r becomes the residual. Returns the number of iterations and
     r . d of the given r.
     """
-    matrix, terms, sums, lo, hi = problem.matrix, work.terms, work.sums, team.lo, team.hi
+    matrix, terms, sums, lo, hi = system.matrix, system.work.terms, system.work.sums, team.lo, team.hi
     front, m, vectors = matrix.front, matrix.inverse, matrix.vectors
     dtype = vectors.dtype.type
     a, e = front + lo, front + hi
@@ -117,11 +117,11 @@ def solve_linear(problem, work, b, forcing, team):
     squared = sum_all(lo, hi, front, terms, sums[0], team)
     enough = max(forcing * forcing * squared, FAINTEST)
     slope = 0.0
-    most = problem.settings.linear_iterations
+    most = system.settings.linear_iterations
     for iteration in range(most):
         if not squared > enough:
             return iteration, slope
-        run(problem.product, team, 0, 1, b)
+        run(system.product, team, 0, 1, b)
         dot_terms(p[0, a:e], p[1, a:e], p[2, a:e], q[0, a:e], q[1, a:e], q[2, a:e], terms[a:e])
         alpha = squared / sum_all(lo, hi, front, terms, sums[1], team)
         # p . r of the given r is the squared norm of the residual here, since the directions before are conjugate.

@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.kernels.bones import Motion, MotionRoom
-from cape.kernels.contact.penalty import SLIP, Penalty, PenaltyContact, press_all
-from cape.kernels.contact.shapes import Colliders, forget_places
+from cape.kernels.contact.penalty import SLIP, Penalty
 from cape.kernels.implicit.conjugate_gradients import CHUNK, dot_terms, solve_linear, sum_all
 from cape.kernels.implicit.stages import (
     begin_bdf2,
@@ -81,11 +80,12 @@ class Settings(NamedTuple):
     linear_iterations: int
 
 
-class Problem(NamedTuple):
-    """The equations of a stage, and what solves them.
+class System(NamedTuple):
+    """The equations of a stage.
 
     Three programs make them up: `residual` sets all forces but inertia, `linearise` the matrix at a state, `product` is
-    the matrix times a vector. `counts` (4,) are a thread's own; `penalty` is None without colliders.
+    the matrix times a vector. `counts` (4,) and `slope` (1,), minus the directional derivative along a Newton step [J],
+    are a thread's own.
     """
 
     state: State
@@ -94,10 +94,22 @@ class Problem(NamedTuple):
     work: Work
     settings: Settings
     counts: NDArray[np.int64]
+    slope: NDArray[np.float64]
     residual: Program
     linearise: Program
     product: Program
-    penalty: Penalty | None
+
+
+class Problem(NamedTuple):
+    """A system and the programs that solve it: `evaluate` finds its residual, `aim` a Newton step.
+
+    `pressing` (3, N) are the forces of contact [N], of no vertices where nothing presses.
+    """
+
+    system: System
+    evaluate: Program
+    aim: Program
+    pressing: Array
 
 
 class Stage(NamedTuple):
@@ -108,55 +120,70 @@ class Stage(NamedTuple):
 
 
 class Placing(NamedTuple):
-    """Bones to be placed at a time within a step, as a share `at` of it, for a stage whose b is a `share` of it.
+    """Bones to be placed at a time within a step, as a share `at` of it."""
 
-    `attached` and `colliders` are None where there are none; `target` (6, N) is the stage's.
-    """
-
-    state: State
     motion: Motion
     bones: MotionRoom
-    attached: Attached | None
-    colliders: Colliders | None
+    at: float
+
+
+class Holding(NamedTuple):
+    """What bones hold, to be placed at that time, for a stage whose b is a `share` of the step and which aims at
+    `target` (6, N)."""
+
+    state: State
+    attached: Attached
+    bones: MotionRoom
     target: Array
     at: float
     share: float
 
 
-class Accelerations(NamedTuple):
-    """Accelerations (3, N) [m/s2] at the start of a step, of which contact holds some back; None without colliders."""
+class Balance(NamedTuple):
+    """Accelerations (3, N) [m/s2], of which the forces of contact hold some back; `contact` finds those."""
 
-    problem: Problem
-    contact: PenaltyContact | None
+    acceleration: Array
+    inverse_mass: Array
+    penalty: Penalty
+    contact: Program
     share: float
 
 
-@routine
-def evaluate(lo, hi, problem, substep, b, team):
-    """Set velocities, forces and the residual that belong to the positions of the vertices lo to hi."""
-    s, work, inertia = problem.state, problem.work, problem.inertia
+@unit
+def evaluate(g, team, substep, substeps, b):
+    """Set velocities, forces and the residual that belong to the positions of a thread's vertices."""
+    s, work, inertia, lo, hi = g.state, g.work, g.inertia, team.lo, team.hi
     dtype = s.x.dtype.type
-    rate, g = dtype(1.0 / b), inertia.gravity
-    t, f, r = work.target, work.forces, problem.matrix.vectors[1]
-    a, e = problem.matrix.front + lo, problem.matrix.front + hi
+    rate, gravity = dtype(1.0 / b), inertia.gravity
+    t, f, r = work.target, work.forces, g.matrix.vectors[1]
+    a, e = g.matrix.front + lo, g.matrix.front + hi
     follow(
         rate, t[0, lo:hi], t[1, lo:hi], t[2, lo:hi], s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
         s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
     )  # fmt: skip
     meet(team)
-    run(problem.residual, team, substep, 1, b)
+    run(g.residual, team, substep, 1, b)
     subtract_inertia(
-        rate, dtype(g[0]), dtype(g[1]), dtype(g[2]), inertia.free[lo:hi], inertia.mass[lo:hi],
+        rate, dtype(gravity[0]), dtype(gravity[1]), dtype(gravity[2]), inertia.free[lo:hi], inertia.mass[lo:hi],
         t[3, lo:hi], t[4, lo:hi], t[5, lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi],
         f[0, lo:hi], f[1, lo:hi], f[2, lo:hi], r[0, a:e], r[1, a:e], r[2, a:e],
     )  # fmt: skip
 
 
+@unit
+def aim_newton_step(g, team, substep, substeps, b):
+    """Linearise at the state and solve for a Newton step."""
+    run(g.linearise, team, 0, 1, b)
+    iterations, slope = solve_linear(g, b, g.settings.forcing, team)
+    g.counts[LINEAR] += iterations
+    g.slope[0] = slope
+
+
 @routine
-def step_along(lo, hi, share, problem):
+def step_along(lo, hi, share, system):
     """Move the vertices lo to hi a share of the Newton step from where it began."""
-    s, o, d = problem.state, problem.work.old, problem.matrix.vectors[0]
-    a, e = problem.matrix.front + lo, problem.matrix.front + hi
+    s, o, d = system.state, system.work.old, system.matrix.vectors[0]
+    a, e = system.matrix.front + lo, system.matrix.front + hi
     move(
         s.x.dtype.type(share), o[0, lo:hi], o[1, lo:hi], o[2, lo:hi], d[0, a:e], d[1, a:e], d[2, a:e],
         s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
@@ -164,35 +191,28 @@ def step_along(lo, hi, share, problem):
 
 
 @routine
-def slope_here(lo, hi, problem, team):
+def slope_here(lo, hi, system, team):
     """Minus the directional derivative along the Newton step at the current residual [J]."""
-    work, front = problem.work, problem.matrix.front
-    d, r, a, e = problem.matrix.vectors[0], problem.matrix.vectors[1], front + lo, front + hi
+    work, front = system.work, system.matrix.front
+    d, r, a, e = system.matrix.vectors[0], system.matrix.vectors[1], front + lo, front + hi
     dot_terms(d[0, a:e], d[1, a:e], d[2, a:e], r[0, a:e], r[1, a:e], r[2, a:e], work.terms[a:e])
     return sum_all(lo, hi, front, work.terms, work.sums[2], team)
-
-
-@routine
-def solve_newton_step(problem, b, forcing, team):
-    """Linearise at the state and solve for the step; returns minus the directional derivative along it [J]."""
-    run(problem.linearise, team, 0, 1, b)
-    iterations, slope = solve_linear(problem, problem.work, b, forcing, team)
-    problem.counts[LINEAR] += iterations
-    return slope
 
 
 @unit
 def solve_stage(g, team, substep, substeps, step):
     """Solve a stage by Newton's method from the positions at hand; counts it if that does not converge."""
     problem, b, lo, hi = g.problem, g.share * step, team.lo, team.hi
-    s, work = problem.state, problem.work
+    system = problem.system
+    s, work, counts = system.state, system.work, system.counts
     # What is left to correct acts on a vertex like a force, of its mass times that over b squared.
-    shorter = min(1.0, b / problem.settings.usual)
-    tolerance = problem.settings.tolerance * shorter * shorter
-    evaluate(lo, hi, problem, substep, b, team)
-    for _ in range(problem.settings.iterations):
-        slope = solve_newton_step(problem, b, problem.settings.forcing, team)
-        problem.counts[NEWTON] += 1
+    shorter = min(1.0, b / system.settings.usual)
+    tolerance = system.settings.tolerance * shorter * shorter
+    run(problem.evaluate, team, substep, 1, b)
+    for _ in range(system.settings.iterations):
+        run(problem.aim, team, substep, 1, b)
+        slope = system.slope[0]
+        counts[NEWTON] += 1
         copy(s.x[lo:hi], work.old[0, lo:hi])
         copy(s.y[lo:hi], work.old[1, lo:hi])
         copy(s.z[lo:hi], work.old[2, lo:hi])
@@ -200,29 +220,30 @@ def solve_stage(g, team, substep, substeps, step):
         for attempt in range(TRIES):
             if attempt > 0:
                 share *= min(max(slope / (slope - here), NARROWEST), WIDEST)
-                problem.counts[SHORTENED] += 1
-            step_along(lo, hi, share, problem)
-            evaluate(lo, hi, problem, substep, b, team)
-            here = slope_here(lo, hi, problem, team)
+                counts[SHORTENED] += 1
+            step_along(lo, hi, share, system)
+            run(problem.evaluate, team, substep, 1, b)
+            here = slope_here(lo, hi, system, team)
             if here >= -SLOPE * slope:
                 break
-        left = share * largest_correction(lo, hi, problem, tolerance, problem.penalty, b)
+        left = share * largest_correction(lo, hi, system.matrix, tolerance, problem.pressing, b)
         if largest_of_all(lo, hi, left, work.largest, team) < 1.0:
             return
-    problem.counts[UNSOLVED] += 1
+    counts[UNSOLVED] += 1
 
 
 @routine
-def largest_correction(lo, hi, problem, tolerance, penalty, b):
+def largest_correction(lo, hi, matrix, tolerance, f, b):
     """Largest of the Newton steps of the vertices lo to hi, as a share of what may be left.
 
-    That is the `tolerance` [m], and where contact presses at most what changes a velocity by little as against `SLIP`,
-    on which friction depends; the linear systems are not solved much better for such a vertex than its pressure is.
+    That is the `tolerance` [m], and where contact presses, with forces `f` (3, N) or of no vertices at all, at most
+    what changes a velocity by little as against `SLIP`, on which friction depends; the linear systems are not solved
+    much better for such a vertex than its pressure is.
     """
-    d, front = problem.matrix.vectors[0], problem.matrix.front
+    d, front = matrix.vectors[0], matrix.front
     largest = longest(d, front + lo, front + hi) / tolerance
-    if penalty is not None:
-        f, least = penalty.force, min(tolerance, EXACT * SLIP * b)
+    least = min(tolerance, EXACT * SLIP * b)
+    if f.shape[1] > 0:
         for i in range(lo, hi):
             if f[0, i] != 0.0 or f[1, i] != 0.0 or f[2, i] != 0.0:
                 largest = max(largest, longest(d, front + i, front + i + 1) / least)
@@ -244,21 +265,22 @@ def largest_of_all(lo, hi, value, largest, team):
 
 @unit
 def find_acceleration(g, team, substep, substeps, step):
-    """Find the accelerations at the start of a frame from A a = (f + M g) / b^2; `residual` is without contact.
+    """Find the accelerations at the start of a frame from A a = (f + M g) / b^2, without contact.
 
     Those of modes slower than the step are what f and M say, to second order in the step. The others, which that would
     make huge from the last digits of the positions, are bounded.
     """
     if substep == 0:
         problem, b, lo, hi = g.problem, g.share * step, team.lo, team.hi
-        s, work = problem.state, problem.work
+        system = problem.system
+        s, work = system.state, system.work
         dtype = s.x.dtype.type
         stand(
             dtype(b), s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.target[:, lo:hi]
         )  # fmt: skip
-        evaluate(lo, hi, problem, 0, b, team)
-        solve_newton_step(problem, b, problem.settings.forcing**3, team)
-        d, a, e = problem.matrix.vectors[0], problem.matrix.front + lo, problem.matrix.front + hi
+        run(problem.evaluate, team, 0, 1, b)
+        run(problem.aim, team, 0, 1, b)
+        d, a, e = system.matrix.vectors[0], system.matrix.front + lo, system.matrix.front + hi
         scale(dtype(1.0 / (b * b)), d[0, a:e], d[1, a:e], d[2, a:e], work.acceleration[:, lo:hi])
 
 
@@ -266,60 +288,62 @@ def find_acceleration(g, team, substep, substeps, step):
 def hold_back_at_start(g, team, substep, substeps, step):
     """Find the contact forces at the start of a frame, and what they hold back of the accelerations there."""
     if substep == 0:
-        press_all(g.contact, team.lo, team.hi, substep, g.share * step)
-        balance(team.lo, team.hi, g.problem.inertia.inverse_mass, g.problem.work.acceleration, g.problem.penalty)
+        run(g.contact, team, substep, 1, g.share * step)
+        balance(g, team.lo, team.hi)
 
 
 @unit
 def hold_back(g, team, substep, substeps, step):
     """Let contact forces hold back accelerations, as far as they act."""
-    balance(team.lo, team.hi, g.problem.inertia.inverse_mass, g.problem.work.acceleration, g.problem.penalty)
-
-
-@unit
-def keep_acceleration(g, team, substep, substeps, step):
-    """Note the accelerations at the end of a step, without those of contact."""
-    problem, b, lo, hi = g.problem, g.share * step, team.lo, team.hi
-    s, work = problem.state, problem.work
-    note_acceleration(
-        s.x.dtype.type(1.0 / b), s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.target[:, lo:hi],
-        work.acceleration[:, lo:hi],
-    )  # fmt: skip
-    _without_contact(lo, hi, problem.inertia.inverse_mass, work.acceleration, problem.penalty)
+    balance(g, team.lo, team.hi)
 
 
 @routine
-def _without_contact(lo, hi, inverse_mass, acceleration, penalty):
-    if penalty is not None:
-        for axis in range(3):
-            for i in range(lo, hi):
-                acceleration[axis, i] -= inverse_mass[i] * penalty.force[axis, i]
-
-
-@routine
-def balance(lo, hi, inverse_mass, acceleration, penalty):
+def balance(g, lo, hi):
     """Add the share of each vertex's contact force that brings its acceleration closest to zero, at most all of it.
 
     A vertex at rest keeps the force that it needs; one that has just been stopped is not thrown back.
     """
-    if penalty is not None:
-        a, f = acceleration, penalty.force
-        for i in range(lo, hi):
-            w = inverse_mass[i]
-            squared = w * (f[0, i] * f[0, i] + f[1, i] * f[1, i] + f[2, i] * f[2, i])
-            if squared > 0.0:
-                share = -(a[0, i] * f[0, i] + a[1, i] * f[1, i] + a[2, i] * f[2, i]) / squared
-                share = w * min(max(share, 0.0), 1.0)
-                for axis in range(3):
-                    a[axis, i] += share * f[axis, i]
+    a, f = g.acceleration, g.penalty.force
+    for i in range(lo, hi):
+        w = g.inverse_mass[i]
+        squared = w * (f[0, i] * f[0, i] + f[1, i] * f[1, i] + f[2, i] * f[2, i])
+        if squared > 0.0:
+            share = -(a[0, i] * f[0, i] + a[1, i] * f[1, i] + a[2, i] * f[2, i]) / squared
+            share = w * min(max(share, 0.0), 1.0)
+            for axis in range(3):
+                a[axis, i] += share * f[axis, i]
+
+
+@unit
+def keep_acceleration(g, team, substep, substeps, step):
+    """Note the accelerations at the end of a step."""
+    system, b, lo, hi = g.problem.system, g.share * step, team.lo, team.hi
+    s, work = system.state, system.work
+    note_acceleration(
+        s.x.dtype.type(1.0 / b), s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.target[:, lo:hi],
+        work.acceleration[:, lo:hi],
+    )  # fmt: skip
+
+
+@unit
+def leave_out_contact(g, team, substep, substeps, step):
+    """Take the forces of contact out of accelerations."""
+    for axis in range(3):
+        for i in range(team.lo, team.hi):
+            g.acceleration[axis, i] -= g.inverse_mass[i] * g.penalty.force[axis, i]
 
 
 @unit
 def place_bones(g, team, substep, substeps, step):
-    """Place the bones, and what they hold, at a time within the step."""
+    """Place the bones at a time within the step."""
+    place_at((substep + g.at) * step, g.motion, g.bones)
+
+
+@unit
+def place_attached(g, team, substep, substeps, step):
+    """Place what the bones hold, with the velocity of its place."""
     time, b = (substep + g.at) * step, g.share * step
-    place_at(time, g.motion, g.bones)
-    forget_places(g.colliders)
     hold_rigidly(team.lo, team.hi, g.state, g.attached, g.bones, time, b, g.target)
 
 

@@ -51,10 +51,10 @@ class Matrix(NamedTuple):
 
 
 class Blocks(NamedTuple):
-    """The matrix, and what contact adds to its own blocks [N/m] (6, N); None for nothing."""
+    """The matrix, and what contact adds to its own blocks [N/m] (6, N)."""
 
     matrix: Matrix
-    contact: Array | None
+    contact: Array
 
 
 class GridStiffness(NamedTuple):
@@ -108,24 +108,29 @@ def linearise_springs(g, team, substep, substeps, b):
 
 @unit
 def set_own(g, team, substep, substeps, b):
-    """Set the own blocks of a thread's vertices: masses, the diagonal of the bends, contact."""
-    matrix, lo, hi = g.matrix, team.lo, team.hi
-    m, a, e = matrix.own, matrix.front + lo, matrix.front + hi
-    dtype = matrix.inverse.dtype.type
+    """Set the own blocks of a thread's vertices: masses and the diagonal of the bends."""
+    m, a, e = g.own, g.front + team.lo, g.front + team.hi
+    dtype = g.inverse.dtype.type
     set_blocks(
-        dtype(1.0 / (b * b)), dtype(damped(matrix.bend_damping, b)), matrix.mass[a:e], matrix.bend_diagonal[a:e],
+        dtype(1.0 / (b * b)), dtype(damped(g.bend_damping, b)), g.mass[a:e], g.bend_diagonal[a:e],
         m[0, a:e], m[1, a:e], m[2, a:e], m[3, a:e], m[4, a:e], m[5, a:e],
     )  # fmt: skip
-    _add_contact_blocks(lo, hi, matrix.front, g.contact, m)
+
+
+@unit
+def add_contact_blocks(g, team, substep, substeps, b):
+    """Add contact to the own blocks of a thread's vertices."""
+    lo, hi, front = team.lo, team.hi, g.matrix.front
     for row in range(6):
-        copy(m[row, a:e], matrix.inverse[row, a:e])
+        add(g.contact[row, lo:hi], g.matrix.own[row, front + lo : front + hi])
 
 
-@routine
-def _add_contact_blocks(lo, hi, front, contact, own):
-    if contact is not None:
-        for row in range(6):
-            add(contact[row, lo:hi], own[row, front + lo : front + hi])
+@unit
+def start_diagonal(g, team, substep, substeps, b):
+    """Begin the block diagonal of the matrix with the own blocks."""
+    a, e = g.front + team.lo, g.front + team.hi
+    for row in range(6):
+        copy(g.own[row, a:e], g.inverse[row, a:e])
 
 
 @unit

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from cape.kernels.contact.watch import JOLT, alarm_all
 from cape.kernels.jit import inlined, kernel, unit
+from cape.kernels.program import Program, run
 from cape.kernels.self_contact.closest import from_edge, from_triangle, speed_to_edge, speed_to_triangle
 from cape.kernels.self_contact.near_pairs import TOUCHING, Pairs, search
 from cape.kernels.self_contact.patches import FloatArray, Indices, Patches, Sight, is_foreseen
@@ -109,11 +110,35 @@ class PressedAcceleration(NamedTuple):
 
 
 class Layered(NamedTuple):
-    """A cloth whose layers are kept apart; `inverse_mass` [1/kg] (N,) is zero for attached vertices."""
+    """A cloth whose layers are kept apart; `inverse_mass` [1/kg] (N,) is zero for attached vertices.
+
+    `search` lists the pairs that may touch soon: `Searched` in a program.
+    """
 
     state: State
     layers: Layers
     inverse_mass: NDArray[np.floating]
+    search: Program
+
+
+class Searched(NamedTuple):
+    """A cloth in which pairs that may touch soon are searched for."""
+
+    state: State
+    layers: Layers
+    inverse_mass: NDArray[np.floating]
+
+
+@unit
+def search_pairs(g, team, substep, substeps, step):
+    """List the pairs that may touch before the next search."""
+    search(g.layers, g.state, g.inverse_mass, max(HORIZON, looks_between(step) * step))
+
+
+@inlined
+def looks_between(step):
+    """Substeps from one look for new pairs to the next."""
+    return max(1, round(math.sqrt(LONGEST / step)))
 
 
 @unit
@@ -173,7 +198,7 @@ def keep_apart(g, team, substep, substeps, step):
     if layers.faces.counts[1] + layers.edges.counts[1] == 0:
         clock, faces, edges, patches = layers.pressure.clock, layers.faces, layers.edges, layers.patches
         held = layers.pressure.held
-        every = max(1, round(math.sqrt(LONGEST / step)))
+        every = looks_between(step)
         clock[NOW] += step
         clock[SINCE] += step
         # A frame ends with a beat, so that what its caller sees are no velocities that are about to be stopped.
@@ -207,7 +232,7 @@ def keep_apart(g, team, substep, substeps, step):
             clock[SINCE] = 0.0
         looks = remaining % every == 0 or clock[SEARCHES] == 0.0
         if looks and not is_foreseen(s, layers.sight.places, every * step, 0.5 * layers.margin):
-            search(layers, s, inverse_mass, max(HORIZON, every * step))
+            run(g.search, team, substep, substeps, step)
             clock[DUE] = 0.0
             clock[SEARCHES] += 1
 

@@ -112,21 +112,20 @@ def aim(lo, hi, s, attached, m, time, step):
 def hold_rigidly(lo, hi, s, attached, m, time, b, target):
     """Put the attached ones of vertices lo to hi where they are held, with the velocity of that place.
 
-    Rows 0 to 2 of `target` are set to xt, so that v = (x - xt) / b. Nothing for None.
+    Rows 0 to 2 of `target` are set to xt, so that v = (x - xt) / b.
     """
-    if attached is not None:
-        for k in range(attached.vertices.size):
-            i, bone = attached.vertices[k], attached.bones[k]
-            if i < lo or i >= hi:
-                continue
-            x, y, z = goal(attached, k, m, time)
-            vx, vy, vz = velocity_at(bone, x, y, z, m)
-            drift = attached.drift[k]
-            ux, uy, uz = turned(bone, drift[0], drift[1], drift[2], m.matrices)
-            vx, vy, vz = vx + ux, vy + uy, vz + uz
-            s.x[i], s.y[i], s.z[i] = x, y, z
-            s.vx[i], s.vy[i], s.vz[i] = vx, vy, vz
-            target[0, i], target[1, i], target[2, i] = x - b * vx, y - b * vy, z - b * vz
+    for k in range(attached.vertices.size):
+        i, bone = attached.vertices[k], attached.bones[k]
+        if i < lo or i >= hi:
+            continue
+        x, y, z = goal(attached, k, m, time)
+        vx, vy, vz = velocity_at(bone, x, y, z, m)
+        drift = attached.drift[k]
+        ux, uy, uz = turned(bone, drift[0], drift[1], drift[2], m.matrices)
+        vx, vy, vz = vx + ux, vy + uy, vz + uz
+        s.x[i], s.y[i], s.z[i] = x, y, z
+        s.vx[i], s.vy[i], s.vz[i] = vx, vy, vz
+        target[0, i], target[1, i], target[2, i] = x - b * vx, y - b * vy, z - b * vz
 
 
 @routine

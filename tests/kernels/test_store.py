@@ -1,0 +1,304 @@
+"""Compiled code on disk: named for all that it depends on, whole or not used, and done without where it can't be kept.
+
+They need the compiler.
+"""
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cape.kernels import store
+from cape.kernels.contact import distance, shapes
+from cape.kernels.jit import Function, formula_of, routine
+from cape.kernels.store import Piece, Request
+from tests.support.code import compiled_only
+from tests.support.processes import python
+
+pytestmark = compiled_only
+
+
+@routine
+def summed(values):
+    result = 0.0
+    for value in values:
+        result += value
+    return result
+
+
+@routine
+def scaled(values, factor):
+    for i in range(values.size):
+        values[i] *= factor
+
+
+# -- pieces --
+
+pieces = st.builds(
+    Piece,
+    st.text(),
+    st.one_of(st.text(), st.lists(st.sampled_from(["int", "float", "bool"])).map(tuple)),
+    st.binary(max_size=200),
+)
+
+
+@given(pieces)
+def test_a_piece_is_what_was_packed(piece: Piece):
+    assert Piece.unpack(piece.pack()) == piece
+
+
+@given(pieces, st.data())
+def test_what_is_not_whole_is_no_piece(piece: Piece, data: st.DataObject):
+    text = bytearray(piece.pack())
+    place = data.draw(st.integers(0, len(text) - 1))
+    with pytest.raises(ValueError, match="not whole"):
+        Piece.unpack(bytes(text[:place]))
+    text[place] ^= data.draw(st.integers(1, 255))
+    with pytest.raises(ValueError, match="not whole"):
+        Piece.unpack(bytes(text))
+
+
+# -- names --
+
+
+def names_of(requests: list[Request]) -> list[str]:
+    return [request.file for request in requests]
+
+
+def test_code_is_named_for_its_function_and_the_kinds_of_its_arguments():
+    box, plane = formula_of(distance.to_box), formula_of(distance.to_plane)
+    requests = [
+        Request(summed, ("int",)),
+        Request(scaled, ("int",)),
+        Request(summed, ("float",)),
+        Request(summed, ("int", "float")),
+        Request(box, ("float",) * 7),
+        Request(plane, ("float",) * 7),
+        Request(shapes.gaps.around(box), ("float",)),
+        Request(shapes.gaps.around(plane), ("float",)),
+        Request(shapes.planes.around(plane), ("float",)),
+    ]
+    assert len(set(names_of(requests))) == len(requests)
+    assert names_of(requests) == names_of(requests)
+    assert requests[0].file.startswith("summed-")
+
+
+def test_another_processor_or_version_has_code_of_its_own(monkeypatch: pytest.MonkeyPatch):
+    request = Request(summed, ("int",))
+    before, known = request.file, store.machine()
+    for place in range(len(known)):
+        changed = (*known[:place], known[place] + "!", *known[place + 1 :])
+        monkeypatch.setattr(store, "machine", lambda changed=changed: changed)
+        assert request.file != before
+    monkeypatch.setattr(store, "machine", lambda: known)
+    assert request.file == before
+
+
+SOURCES = {
+    "cape/kernels/first.py": "from cape.kernels.second import it\nfrom cape.kernels.room import (\n    fifth,\n)\n",
+    "cape/kernels/second.py": "import numpy\nfrom cape.kernels import third\n",
+    "cape/kernels/third.py": "import skeleton.outside\n",
+    "cape/kernels/fourth.py": "from cape.kernels.first import nothing\n",
+    "cape/kernels/room/__init__.py": "",
+    "cape/kernels/room/fifth.py": "",
+    "cape/kernels/__init__.py": "",
+    "skeleton/outside.py": "from skeleton import further\n",
+    "skeleton/further.py": "",
+    "cape/shape.py": "from cape.kernels.fourth import nothing\n",
+}
+
+
+class Sources:
+    """A folder of sources, and digests of what functions of them depend on."""
+
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._folder, self._patch = folder, monkeypatch
+        for name, text in SOURCES.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_text(text)
+        monkeypatch.setattr(store, "ROOT", folder)
+
+    def digest(self, module: str, formula: str | None = None) -> str:
+        """Of a function of a module, as a process that starts now finds it; around a formula of another module."""
+
+        def nothing() -> None: ...
+
+        def function(module: str, formula: Function | None = None) -> Function:
+            made = Function(nothing, formula=formula)
+            made.__module__ = module
+            return made
+
+        store._digest.cache_clear()
+        store._file_of.cache_clear()
+        return store.sources_of(function(module, None if formula is None else function(formula)))
+
+    def change(self, name: str) -> None:
+        """Change a file."""
+        path = self._folder / name
+        path.write_text(path.read_text() + "# changed\n")
+
+
+@pytest.fixture
+def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    yield Sources(tmp_path, monkeypatch)
+    monkeypatch.undo()
+    store._digest.cache_clear()
+    store._file_of.cache_clear()
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_a_change_in_any_source_that_a_function_is_made_of_gives_another_name(sources: Sources, name: str):
+    outside = {"cape/kernels/fourth.py", "cape/shape.py"}
+    before = sources.digest("cape.kernels.first")
+    sources.change(name)
+    assert (sources.digest("cape.kernels.first") != before) == (name not in outside)
+
+
+def test_a_loop_depends_on_the_formula_s_source_too(sources: Sources):
+    alone, around = sources.digest("cape.kernels.third"), sources.digest("cape.kernels.third", "cape.shape")
+    assert alone != around
+    for name in ("cape/shape.py", "cape/kernels/fourth.py", "cape/kernels/room/fifth.py"):
+        sources.change(name)
+        assert sources.digest("cape.kernels.third") == alone
+        changed = sources.digest("cape.kernels.third", "cape.shape")
+        assert changed != around
+        around = changed
+
+
+# -- on disk --
+
+SCRIPT = """
+import json, sys
+import numpy as np
+from cape.kernels import store
+from tests.kernels.test_store import scaled, summed
+values = np.arange(5.0)
+scaled(values, 3.0)
+print(json.dumps({
+    "sum": summed(values), "whole": summed(np.arange(4)), "compiled": sorted(store.compiled),
+    "numba": "numba" in sys.modules,
+}))
+"""
+
+
+class Seen(NamedTuple):
+    sum: float
+    whole: float
+    compiled: list[str]
+    numba: bool
+
+
+def run(folder: Path) -> Seen:
+    """What a process computes with code kept in a folder, and what it compiled."""
+    seen = Seen(**json.loads(python(SCRIPT, NUMBA_CACHE_DIR=str(folder))))
+    assert (seen.sum, seen.whole) == (30.0, 6.0)
+    return seen
+
+
+ALL = ["scaled", "summed", "summed"]
+
+
+def test_what_is_on_disk_is_not_compiled_and_needs_no_compiler(tmp_path: Path):
+    first, second = run(tmp_path), run(tmp_path)
+    assert first.compiled == ALL
+    assert first.numba
+    assert second.compiled == []
+    assert not second.numba
+    # Whole files alone, each named for its function.
+    names = sorted(path.name.split("-")[0] for path in (tmp_path / "cape").iterdir())
+    assert names == ALL
+    assert all(path.suffix == ".o" for path in (tmp_path / "cape").iterdir())
+
+
+def test_files_that_are_not_whole_are_compiled_anew(tmp_path: Path):
+    run(tmp_path)
+    files = sorted((tmp_path / "cape").iterdir())
+    whole = [path.read_bytes() for path in files]
+    middle = len(whole[1]) // 2
+    files[0].write_bytes(whole[0][: len(whole[0]) // 2])
+    files[1].write_bytes(whole[1][:middle] + bytes([whole[1][middle] ^ 1]) + whole[1][middle + 1 :])
+    files[2].write_bytes(b"")
+    assert run(tmp_path).compiled == ALL
+    # The same source gives the same code, to the last byte.
+    assert [path.read_bytes() for path in files] == whole
+
+
+WATCHING = """
+import logging
+class Watch(logging.Handler):
+    def emit(self, record):
+        print(record.levelname, record.getMessage())
+log = logging.getLogger("cape.compiling")
+log.addHandler(Watch())
+log.setLevel(logging.WARNING)
+log.propagate = False
+{before}
+import numpy as np
+from cape.kernels import store
+from tests.kernels.test_store import scaled, summed
+values = np.arange(5.0)
+scaled(values, 3.0)
+print(summed(values), summed(np.arange(4)))
+print(sorted(store.compiled))
+"""
+
+
+def test_without_a_folder_to_write_to_all_works_and_it_is_said_once(tmp_path: Path):
+    file = tmp_path / "file"
+    file.write_text("not a folder")
+    warning, sums, compiled = python(WATCHING.format(before=""), NUMBA_CACHE_DIR=str(file)).splitlines()
+    assert warning.startswith(f"WARNING compiled code can't be kept in {file / 'cape'} (")
+    assert warning.endswith("): it is compiled anew in each run")
+    assert sums == "30.0 6.0"
+    assert compiled == str(ALL)
+
+
+def test_a_disk_that_becomes_full_is_borne_and_told_once(tmp_path: Path):
+    full = """
+from pathlib import Path
+def refuse(self, text):
+    raise OSError(28, "No space left on device")
+Path.write_bytes = refuse
+"""
+    warning, sums, compiled = python(WATCHING.format(before=full), NUMBA_CACHE_DIR=str(tmp_path)).splitlines()
+    assert warning.startswith(f"WARNING compiled code can't be kept in {tmp_path / 'cape'} (No space left on device)")
+    assert sums == "30.0 6.0"
+    assert compiled == str(ALL)
+    assert list((tmp_path / "cape").iterdir()) == []
+
+
+def test_the_folder_is_where_it_was_asked_for_or_the_user_s_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folder = store.folder.__wrapped__
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    assert folder() == tmp_path / "home/.cache/cape"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
+    assert folder() == tmp_path / "user/cape"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "asked"))
+    assert folder() == tmp_path / "asked/cape"
+    assert (tmp_path / "asked/cape").is_dir()
+
+
+# -- in memory --
+
+
+def test_a_request_is_missing_until_it_is_made(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(store, "folder", lambda: None)
+    monkeypatch.setattr(store, "compiled", [])
+
+    def fresh(value):
+        return value + 1.0
+
+    request = Request(Function(fresh), ("float",))
+    assert store.missing([request, request]) == [request]
+    store.make(request)
+    assert store.missing([request]) == []
+    assert store.compiled == ["fresh"]
+    code = store.code_of(request)
+    assert store.code_of(request) is code
+    assert code.returns == "float"
+    assert store.compiled == ["fresh"]
