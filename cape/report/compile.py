@@ -1,47 +1,45 @@
-"""Compiles what a report needs on all cores, before anything is timed on one of them."""
+"""Compiles what a report needs on all cores at once, before anything is timed."""
 
-import multiprocessing
-import signal
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Iterator
 
-from cape.report.measured.stability import compile_case
-from cape.report.measured.trajectory import EXACT, Setting, Stage
-from cape.report.plan import FREE, Plan
-from cape.scene.standard_scenes import standard_scene
-from cape.solvers.threads import available_cores
+from cape.kernels import store
+from cape.measure.ledger import Ledger
+from cape.report.cases import CASES
+from cape.report.measured import resolution
+from cape.report.measured.stability import simulation_of
+from cape.report.measured.trajectory import EXACT, Setting
+from cape.report.plan import Plan
+from cape.run.simulation import Simulation
+from cape.scene.poses import poses_of
+from cape.scene.standard_scenes import StandardScene, curtain, standard_scene
 
 
-def compile_all(plan: Plan, told: Callable[[int], Callable[[], None]] = lambda steps: lambda: None) -> None:
-    """Fill the cache of compiled kernels, in as many processes as there are cores; nothing on a single one."""
-    workers = min(available_cores(), len(plan.solvers) + 1)
-    if workers < 2:
-        return
+def compile_all(plan: Plan) -> None:
+    """Compile all that a plan's runs need and that this machine lacks."""
+    wanted = [
+        request
+        for standard, simulation in _simulations(plan)
+        for request in simulation.requests(poses_of(standard.track.first(1), simulation.bones)[0])
+    ]
+    store.prepare(wanted)
+
+
+def _simulations(plan: Plan) -> Iterator[tuple[StandardScene, Simulation]]:
+    """A simulation of each kind that a plan asks for."""
     settings = [EXACT, *(Setting(solver) for solver in plan.solvers)]
-    # The last ones first: those with contact stand behind the others, and take longest.
-    scenes = [(scene, setting) for scene in reversed(plan.scenes) for setting in settings]
-    cases = [(case, solver) for case in plan.cases if case not in FREE for solver in plan.solvers]
-    done = told(len(scenes) + len(cases))
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_leave_interrupts)
-    try:
-        begun = [pool.submit(_compile, *task) for task in scenes]
-        begun += [pool.submit(compile_case, *task) for task in cases]
-        for compiled in as_completed(begun):
-            compiled.result()
-            done()
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in multiprocessing.active_children():
-            process.kill()
-        raise
-    pool.shutdown()
-
-
-def _leave_interrupts() -> None:
-    """Leave Ctrl-C to the process that waits."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _compile(scene: str, setting: Setting) -> None:
-    """Compile what a scene needs with a solver; runs in a process of its own."""
-    Stage(standard_scene(scene), seconds=0.1).run(setting)
+    for name in plan.scenes:
+        standard = standard_scene(name)
+        for setting in settings:
+            yield standard, setting.simulation(standard.scene, threads=1)
+    for name in plan.balances:
+        standard = standard_scene(name)
+        for setting in settings[1:]:
+            yield standard, setting.simulation(standard.scene, threads=1, ledger=Ledger())
+    for name in plan.cases:
+        standard = CASES[name].build()
+        for solver in plan.solvers:
+            yield standard, simulation_of(CASES[name], standard, solver)
+    for spacing in plan.spacings[:1]:
+        standard = curtain(spacing=spacing)
+        for solver in {resolution.REFERENCE, *resolution.MEASURED} & {resolution.REFERENCE, *plan.solvers}:
+            yield standard, Setting(solver).simulation(standard.scene, threads=1)

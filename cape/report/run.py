@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cape.bench.machine import machine, versions
-from cape.kernels import jit
+from cape.kernels.store import ROOT
 from cape.report.cases import CASES
 from cape.report.compile import compile_all
 from cape.report.measured import resolution
@@ -117,9 +117,6 @@ def run(
 ) -> Report:
     """Measure all that the plan asks for.
 
-    Compiles in processes of its own, as far as there are cores: a script that calls this needs the usual guard,
-    `if __name__ == "__main__":`.
-
     Args:
         plan: how much.
         folder: where the figures of what is done are kept until all are there; an interrupted run goes on from them.
@@ -134,7 +131,7 @@ def run(
     parts = _Parts(folder, plan)
     scenes = []
     if any(parts.read(name) is None for name in plan.scenes):
-        compile_all(plan, partial(told, "compiling"))
+        compile_all(plan)
     for name in plan.scenes:
         known = parts.read(name)
         if known is None:
@@ -203,7 +200,8 @@ class _Parts:
 
     def __init__(self, folder: Path | None, plan: Plan) -> None:
         self._folder = None if folder is None else folder / PARTS
-        stamp = json.dumps([asdict(plan), versions(), machine(), jit.STAMP], sort_keys=True, default=str)
+        sources = hashlib.sha256(b"".join(path.read_bytes() for path in sorted((ROOT / "cape").rglob("*.py"))))
+        stamp = json.dumps([asdict(plan), versions(), machine(), sources.hexdigest()], sort_keys=True, default=str)
         self._key = hashlib.sha256(stamp.encode()).hexdigest()
 
     def read(self, name: str) -> dict[str, Any] | None:

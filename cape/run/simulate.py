@@ -1,7 +1,6 @@
 """From a scene and a track to a take."""
 
 import time
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -9,33 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.kernels.store import Request
-from cape.measure.contact_points import ContactPoints
 from cape.measure.ledger import Ledger
 from cape.reach import reach_of
 from cape.results.take import Take
 from cape.results.verdict import warnings_of
 from cape.run.auto import Auto, AutoSimulation
+from cape.run.frames import Frames, Times
+from cape.run.notes import SlowWarning, forewarn, notes_on
 from cape.run.simulation import DEFAULT_CUTS, Diverged, Simulation
-from cape.run.step_error import Watch
 from cape.scene.jumps import Cuts
-from cape.scene.poses import Bones, poses_of
+from cape.scene.poses import poses_of
 from cape.scene.scene import Scene
 from cape.solvers import Solver
 from motions import quaternions
 from motions.errors import ValueRangeError
 from skeleton.track import BoneTrack
 
+__all__ = ["SlowWarning", "requests_of", "simulate"]
+
 FloatArray = NDArray[np.float64]
-
-CHECKED = 0.5  # s between the parts of a motion whose error is measured
-MISSED = 1.5  # of the error that was allowed, which is told of
-SLOW = 20.0  # s of estimated run time that nobody needs to be warned of
-NAMED_JUMPS = 5
-SLOW_FACTOR = 4.0  # times the length of the motion, the same
-
-
-class SlowWarning(UserWarning):
-    """A simulation will take long."""
 
 
 def simulate(
@@ -64,7 +55,7 @@ def simulate(
         settle: time to let the cloth come to rest in the first pose [s]; None for as long as it needs.
         cull: leave out the colliders that the cloth can't reach (`cape.reach`); penetration is measured in all.
         cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
-        check_steps: measure what the time step costs in accuracy, once in `CHECKED` seconds.
+        check_steps: measure what the time step costs in accuracy, in parts of the motion.
         ledger: to account for the energy of the run; None for none.
         name: what the take is called.
         progress: called after each frame with the number of frames done and of all.
@@ -86,71 +77,29 @@ def simulate(
         track = track.resample(fps)
     reach = reach_of(scene, track) if cull else None
     simulation = _simulation_of(scene if reach is None else reach.cull(scene), solver, threads, cuts, ledger)
-    poses, all_poses = poses_of(track, simulation.bones), poses_of(track, scene.bones)
-    steps = np.diff(track.times)
+    first_pose = poses_of(track.first(1), simulation.bones)[0]
 
     started = time.perf_counter()
-    simulation.compile(poses[0], measured=scene)
+    simulation.compile(first_pose, measured=scene)
     compiled = time.perf_counter()
     velocity, spin = _first_motion(scene, track)
-    simulation.start(poses[0], settle=settle, velocity=velocity, spin=spin)
-    settled = time.perf_counter()
-    _forewarn(simulation, steps)
+    simulation.start(first_pose, settle=settle, velocity=velocity, spin=spin)
+    times = Times(compiled - started, time.perf_counter() - compiled)
+    forewarn(simulation, np.diff(track.times))
 
-    meter = simulation.meter(scene)
-    positions = [simulation.positions.astype(np.float32)]
-    readings = [simulation.read(meter, all_poses[0])]
-    solve_s, result, notes, jumps = 0.0, "finished", [], []
-    watch = _Checks(simulation) if check_steps and not isinstance(simulation, AutoSimulation) else None
+    frames, result, trouble = Frames(simulation, scene, track, check_steps=check_steps), "finished", []
     try:
         for frame in range(1, track.frames):
-            begun = time.perf_counter()
-            simulation.step(poses[frame], float(steps[frame - 1]))
-            solve_s += time.perf_counter() - begun
-            if watch is not None:
-                watch.note(poses[frame], float(steps[frame - 1]))
-            if simulation.jumps > len(jumps):
-                jumps.append(frame)
-            readings.append(simulation.read(meter, all_poses[frame]))
-            positions.append(simulation.positions.astype(np.float32))
+            frames.step(frame)
             if progress is not None:
                 progress(frame + 1, track.frames)
     except Diverged as error:
-        result = f"diverged at frame {len(positions)}"
-        notes.append(str(error))
+        result, trouble = f"diverged at frame {frames.count}", [str(error)]
     except KeyboardInterrupt:
-        result = f"stopped at frame {len(positions)}"
-    frames = min(len(positions), len(readings))
-    readings = readings[:frames]
-    take = Take(
-        name=name,
-        bones=track.first(frames),
-        colliders=tuple(scene.colliders),
-        triangles=scene.cloth.triangles,
-        texcoords=scene.cloth.texcoords,
-        positions=np.stack(positions[:frames]),
-        stretch_max=np.array([r.stretch for r in readings]),
-        stretch_p99=meter.stretch_quantile(0.99),
-        penetration=np.array([r.penetration for r in readings]),
-        penetrated=np.array([r.collider for r in readings]),
-        kinetic_energy=np.array([r.kinetic_energy for r in readings]),
-        solver=simulation.solver.name,
-        substeps=simulation.substeps,
-        compile_s=compiled - started,
-        settle_s=settled - compiled,
-        solve_s=solve_s,
-        thickness=scene.thickness,
-        held=np.flatnonzero(simulation.assembly.outwards(simulation.assembly.inverse_mass) == 0.0),
-        left_out={} if reach is None else reach.left_out,
-        contacts=ContactPoints.joined([r.contacts for r in readings]),
-        jumps=tuple(frame for frame in jumps if frame < frames),
-        step_errors=tuple(
-            simulation.errors if isinstance(simulation, AutoSimulation) else watch.errors if watch else ()
-        ),
-    )
-    notes += (
-        _notes_on_steps(simulation) + _notes_on_errors(simulation) + _notes_on_jumps(take, cuts) + warnings_of(take)
-    )
+        result = f"stopped at frame {frames.count}"
+
+    take = frames.take(name, times, reach)
+    notes = trouble + notes_on(simulation, take, cuts) + warnings_of(take)
     if notes and result == "finished":
         result = "finished with warnings"
     return replace(take, result=result, warnings=tuple(notes))
@@ -183,81 +132,6 @@ def _simulation_of(
     if ledger is not None:
         raise ValueRangeError("a ledger keeps the accounts of one solver: give that, not a tolerance or a budget")
     return AutoSimulation(scene, solver, threads=threads, cuts=cuts)
-
-
-class _Checks(Watch):
-    """A watch over one part of the motion in `CHECKED` seconds."""
-
-    def __init__(self, run: Simulation) -> None:
-        super().__init__(run)
-        self._due = 0.0
-        self.begin()
-
-    def note(self, bones: Bones, dt: float) -> None:
-        super().note(bones, dt)
-        self._due += dt
-        if self.full:
-            self.end()
-        if not self.watching and self._due >= CHECKED:
-            self._due = 0.0
-            self.begin()
-
-
-def _notes_on_steps(simulation: Simulation) -> list[str]:
-    """Tell of frames that did not come out as the solver had expected."""
-    notes = []
-    if simulation.retried:
-        notes.append(f"{simulation.retried} frames needed a smaller step than estimated")
-    if simulation.refined:
-        notes.append(
-            f"{simulation.refined} frames were taken in shorter steps: they would not converge, or parts whirled"
-        )
-    if simulation.unconverged:
-        notes.append(
-            f"{simulation.unconverged} frames did not reach the solver's tolerance in shorter steps either: "
-            "ask for more substeps or a larger tolerance, or look whether limbs pinch the cloth"
-        )
-    return notes
-
-
-def _notes_on_errors(simulation: Simulation) -> list[str]:
-    """Tell where errors remained larger than was asked for."""
-    if not isinstance(simulation, AutoSimulation) or not simulation.errors:
-        return []
-    reached = float(np.sqrt(np.mean([error.rms**2 for error in simulation.errors])))
-    if reached <= MISSED * simulation.allowed:
-        return []
-    return [
-        f"the time step's error was {1e3 * reached:.2g} mm in the parts that were measured, more than "
-        f"{1e3 * simulation.allowed:.2g} mm: contact or buckling magnify what any step leaves"
-    ]
-
-
-def _notes_on_jumps(take: Take, cuts: Cuts | None) -> list[str]:
-    """Tell when the bones jumped, how far, and what became of the cloth."""
-    if not take.jumps or cuts is None:
-        return []
-    ways = [
-        float(np.linalg.norm(take.bones.positions[f] - take.bones.positions[f - 1], axis=1).max()) for f in take.jumps
-    ]
-    named = ", ".join(f"{frame} ({way:.2f} m)" for frame, way in zip(take.jumps[:NAMED_JUMPS], ways, strict=False))
-    more = f" and {len(ways) - NAMED_JUMPS} more" if len(ways) > NAMED_JUMPS else ""
-    done = "carried along as a whole" if cuts.then == "carry" else "put on anew"
-    return [f"the bones jump at frame {named}{more}: the cape was {done}"]
-
-
-def _forewarn(simulation: Simulation, steps: FloatArray) -> None:
-    """Warn when the whole motion, with frames of the given lengths [s], will take long."""
-    forecast = simulation.forecast(float(steps.max()))
-    seconds = forecast.seconds * len(steps)
-    if seconds > SLOW and seconds > SLOW_FACTOR * float(steps.sum()):
-        span = f"{seconds / 60.0:.0f} minutes" if seconds > 120.0 else f"{seconds:.0f} s"
-        warnings.warn(
-            f"{simulation.solver.name} takes {forecast.substeps} steps a frame here, about {span} for "
-            f"{len(steps)} frames; a softer fabric or a wider spacing needs fewer, and another solver may be faster",
-            SlowWarning,
-            stacklevel=3,
-        )
 
 
 def _first_motion(scene: Scene, track: BoneTrack) -> tuple[FloatArray, FloatArray]:

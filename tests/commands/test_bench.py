@@ -59,9 +59,10 @@ def row(**fields) -> Row:
 def test_the_command_prints_one_json_object(tmp_path):
     script = f"""
 import sys
-from cape.bench import features
+from cape.bench.sections import features
 from cape.bench.plan import Plan
-from cape.cli import bench, main
+from cape.cli import main
+from cape.cli.commands import bench
 real = features.variants
 features.variants = lambda n: [v for v in real(n) if v.label in {FEW}]
 bench.QUICK = {TINY!r}

@@ -241,7 +241,7 @@ def test_an_interrupted_report_goes_on_where_it_was(tmp_path: Path, monkeypatch:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(run, "standard_scene", build)
-    monkeypatch.setattr(run, "compile_all", lambda plan, told: None)
+    monkeypatch.setattr(run, "compile_all", lambda plan: None)
     plan = dataclasses.replace(TINY, scenes=("first", "second"), cases=("jerky",), balances=("third",))
     with pytest.raises(KeyboardInterrupt):
         run.run(plan, tmp_path, keep=(stop,))

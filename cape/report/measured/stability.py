@@ -1,6 +1,5 @@
 """Every stress case times every solver: passes, degrades or fails, and by how much."""
 
-import contextlib
 import math
 import time
 from collections.abc import Sequence
@@ -9,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cape.bench.figures import Figures
-from cape.report.cases import CASES, Case
+from cape.report.cases import Case
 from cape.run.simulation import Diverged, Simulation
 from cape.scene.poses import Pose, poses_of
 from cape.scene.standard_scenes import StandardScene
@@ -105,7 +104,8 @@ def stress(case: Case, solver: str, *, repeats: int) -> Outcome:
 def _run(case: Case, standard: StandardScene, solver: str, rng: np.random.Generator) -> _Run:
     """Take a case's motion once."""
     scene, track = standard.scene, standard.track
-    simulation, poses = _simulation(case, standard, solver)
+    simulation = simulation_of(case, standard, solver)
+    poses = poses_of(track, simulation.bones)
     scale = float(np.linalg.norm(scene.gravity)) * float(np.ptp(scene.cloth.pattern, axis=0).max())
     still = still_from(poses) if scene.wind is None or not np.any(scene.wind.velocity) else track.frames
     stretch = penetration = spent = 0.0
@@ -135,19 +135,9 @@ def _run(case: Case, standard: StandardScene, solver: str, rng: np.random.Genera
     return _Run(stretch, penetration, growth, spent, retaken, broke)
 
 
-def compile_case(name: str, solver: str) -> None:
-    """Begin the case of that name with a solver, which compiles what it needs."""
-    case = CASES[name]
-    standard = case.build()
-    simulation, poses = _simulation(case, standard, solver)
-    with contextlib.suppress(Diverged):  # the run will tell
-        _begin(case, standard, simulation, poses[0], np.random.default_rng(0))
-
-
-def _simulation(case: Case, standard: StandardScene, solver: str) -> tuple[Simulation, list[Pose]]:
-    """A simulation of the case's scene, and the poses of its motion."""
-    simulation = Simulation(standard.scene, solver=SOLVERS[solver](), threads=1, cuts=case.cuts)
-    return simulation, poses_of(standard.track, simulation.bones)
+def simulation_of(case: Case, standard: StandardScene, solver: str) -> Simulation:
+    """A simulation of a case's scene with the solver of that name."""
+    return Simulation(standard.scene, solver=SOLVERS[solver](), threads=1, cuts=case.cuts)
 
 
 def _begin(case: Case, standard: StandardScene, simulation: Simulation, pose: Pose, rng: np.random.Generator) -> None:
