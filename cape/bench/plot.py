@@ -5,18 +5,15 @@ from typing import Any
 
 from cape.bench.run import Report
 from cape.bench.sheets import OFF
+from cape.solvers import SOLVERS
 from motions.errors import UserError
 
-COLOURS = {
-    "euler": "#1b6ca8",
-    "xpbd": "#c8553d",
-    "backward_euler": "#6a994e",
-    "tr_bdf2": "#8e6bbf",
-    "scalar": "#555555",
-    "limit": "#aaaaaa",
+COLOURS = {name: kind.colour for name, kind in SOLVERS.items()} | {"scalar": "#555555", "limit": "#aaaaaa"}
+NAMES = {name: kind.title for name, kind in SOLVERS.items()} | {
+    "scalar": "scalar loop",
+    "limit": "limit kernel",
+    "auto": "chosen for a tolerance",
 }
-NAMES = {"scalar": "scalar loop", "limit": "limit kernel", "backward_euler": "backward Euler", "tr_bdf2": "TR-BDF2"}
-NAMES |= {"euler": "symplectic Euler", "xpbd": "XPBD", "auto": "chosen for a tolerance"}
 
 
 def require_matplotlib() -> None:

@@ -33,9 +33,17 @@ class Solver(ABC):
         usual_precision: what it chooses, unless a scene needs another.
         order: power of the step by which errors of moving cloth shrink, as measured on the scene `swing`.
         sweeps: whether springs act by impulses that are found in sweeps over them, rather than by their forces.
+        title: what it is called in tables and pictures.
+        colour: that pictures draw it in.
+        measured_steps: numbers of steps in a frame that a report measures; empty for multiples of its own choice.
+        cost_growth: power of its steps that their cost grows by, less than 1 where short steps are solved sooner.
     """
 
     name: ClassVar[str]
+    title: ClassVar[str]
+    colour: ClassVar[str] = "#777777"
+    measured_steps: ClassVar[tuple[int, ...]] = ()
+    cost_growth: ClassVar[float] = 1.0
     usual_precision: ClassVar[Precision]
     order: ClassVar[float]
     sweeps: ClassVar[bool] = False

@@ -56,6 +56,8 @@ class SymplecticEuler(Solver):
     """
 
     name: ClassVar[str] = "euler"
+    title: ClassVar[str] = "symplectic Euler"
+    colour: ClassVar[str] = "#1b6ca8"
     usual_precision: ClassVar[Precision] = "single"
     order: ClassVar[float] = 1.0
     margin: float = 0.9

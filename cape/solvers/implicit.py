@@ -104,6 +104,8 @@ class ImplicitSolver(Solver):
     """
 
     usual_precision: ClassVar[Precision] = "double"
+    measured_steps: ClassVar[tuple[int, ...]] = (1, 2, 4, 8, 16, 32, 64)
+    cost_growth: ClassVar[float] = 0.5
     stage: ClassVar[float]
     tolerance: float = 1e-6
     iterations: int = 40
@@ -268,6 +270,8 @@ class BackwardEuler(ImplicitSolver):
     """Backward Euler: first order, L-stable, damps whatever is faster than its steps and some of what is slower."""
 
     name: ClassVar[str] = "backward_euler"
+    title: ClassVar[str] = "backward Euler"
+    colour: ClassVar[str] = "#6a994e"
     order: ClassVar[float] = 1.0
     stage: ClassVar[float] = 1.0
 
@@ -293,6 +297,8 @@ class TRBDF2(ImplicitSolver):
     """
 
     name: ClassVar[str] = "tr_bdf2"
+    title: ClassVar[str] = "TR-BDF2"
+    colour: ClassVar[str] = "#8e6bbf"
     order: ClassVar[float] = 2.0
     stage: ClassVar[float] = 0.5 * GAMMA
     tolerance: float = 1e-7

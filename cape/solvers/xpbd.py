@@ -60,6 +60,9 @@ class XPBD(Solver):
     """
 
     name: ClassVar[str] = "xpbd"
+    title: ClassVar[str] = "XPBD"
+    colour: ClassVar[str] = "#c8553d"
+    measured_steps: ClassVar[tuple[int, ...]] = (5, 10, 20, 40, 80, 160, 320)
     usual_precision: ClassVar[Precision] = "single"
     order: ClassVar[float] = 1.8
     sweeps: ClassVar[bool] = True

@@ -12,14 +12,9 @@ from cape.report.measured.accuracy import LAST, Error, Reference, converge, erro
 from cape.report.measured.trajectory import EXACT, WINDOW, Setting, Stage, Trajectory
 from cape.report.plan import Plan
 from cape.run.auto import Auto
+from cape.solvers import SOLVERS
 
 REFINED = (1.5, 2.0, 4.0, 8.0)  # times as many steps as an explicit solver needs
-STEPS = {
-    "xpbd": (5, 10, 20, 40, 80, 160, 320),
-    "backward_euler": (1, 2, 4, 8, 16, 32, 64),
-    "tr_bdf2": (1, 2, 4, 8, 16, 32, 64),
-}
-SLOWER = {"backward_euler": 0.5, "tr_bdf2": 0.5}  # power of the steps that cost grows by: short ones are solved sooner
 AIM_MM = 0.01  # smallest error to be told from none in a smooth scene
 REFERENCE_SHARE = 0.35  # of the time for a scene
 SHOWN_MM = 10.0  # error that the run which is shown of a solver may have
@@ -95,9 +90,8 @@ class Sweep:
 
 def settings_for(stage: Stage, solver: str, *, every: int = 1) -> list[Setting]:
     """The settings at which a solver is measured, its own choice first: then every second, third... number of steps."""
-    if solver in STEPS:
-        steps = STEPS[solver]
-    else:
+    steps = SOLVERS[solver].measured_steps
+    if not steps:
         needed = stage.needed_substeps(solver)
         steps = tuple(math.ceil(times * needed) for times in REFINED)
     return [Setting(solver), *(Setting(solver, count) for count in steps[::every])]
@@ -156,7 +150,7 @@ def _runs(stage: Stage, settings: list[Setting], repeats: int, share: float, win
     for setting in settings:
         steps, expected = setting.substeps or 0, 0.0
         if last is not None:
-            expected = last.seconds * stage.seconds * (steps / last.substeps) ** SLOWER.get(setting.solver, 1.0)
+            expected = last.seconds * stage.seconds * (steps / last.substeps) ** _growth(setting.solver)
         if last is not None and spent + expected > share:
             why, name = f"left out: it takes about {_seconds(expected)}", stage.standard.name
             yield Row(name, setting.solver, str(setting), steps, math.nan, result=why), None
@@ -203,3 +197,8 @@ def row_of(scene: str, run: Trajectory, error: Error, window_mm: float) -> Row:
         frames=len(run.times),
         result=run.result,
     )
+
+
+def _growth(solver: str) -> float:
+    """Power of the steps that a solver's cost grows by."""
+    return SOLVERS[solver].cost_growth if solver in SOLVERS else 1.0
