@@ -204,8 +204,11 @@ def _noted(rows: Any, tiles: int) -> Colliders:
 
 
 def kind_of(colliders: Colliders, c: int = 0) -> Kind:
-    """The kind of shape that one of some colliders, made by `record`, has."""
-    return next(kind for kind in KINDS if addresses(kind)[0] == colliders.records.nearest[c])
+    """The kind of shape that one of some colliders has."""
+    code = colliders.records.nearest[c]
+    if COMPILER_OFF:
+        return next(kind for kind in KINDS if formula_of(kind.nearest) is shapes.numbered[code])
+    return next(kind for kind in KINDS if addresses(kind)[0] == code)
 
 
 def faces_record(corners: NDArray[np.integer], starts: ArrayLike, tiles: ArrayLike, colliders: Colliders) -> Faces:
