@@ -10,12 +10,15 @@ from pathlib import Path
 
 import pytest
 
+from cape.kernels.jit import COMPILER_OFF
+from tests.support.processes import python
+
 ROOT = Path(__file__).parents[1]
 MODULES = sorted(p for package in ("motions", "skeleton", "cape") for p in (ROOT / package).rglob("*.py"))
 MOST_LINES = 450
 MOST_MODULES = 12  # side by side in a folder
 MAY_IMPORT = {"motions": {"motions"}, "skeleton": {"motions", "skeleton"}, "cape": {"motions", "skeleton", "cape"}}
-HEAVY = ("rerun", "pinocchio", "trimesh", "matplotlib", "pink", "typer", "rich")
+HEAVY = ("numba", "rerun", "pinocchio", "trimesh", "matplotlib", "pink", "typer", "rich")
 
 modules = pytest.mark.parametrize("module", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
 
@@ -47,6 +50,17 @@ def test_kernels_know_numpy_and_numba_alone(module: Path):
         assert known or name.startswith("cape.kernels")
 
 
+@modules
+def test_only_the_compiler_imports_numba_as_it_is_imported(module: Path):
+    names = {
+        name
+        for node in at_import(ast.parse(module.read_text()))
+        for name in ([node.module or ""] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names])
+    }
+    numba = any(name.split(".")[0] == "numba" for name in names)
+    assert numba == (module == ROOT / "cape" / "kernels" / "compiler.py")
+
+
 @pytest.mark.parametrize("module", sorted((ROOT / "motions").rglob("*.py")), ids=lambda p: str(p.relative_to(ROOT)))
 def test_motions_need_numpy_alone(module: Path):
     for name in imported(module):
@@ -71,10 +85,12 @@ def dotted(module: Path) -> str:
 
 
 def at_import(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
-    """The imports that run when a module is imported: those in no function."""
+    """The imports that run when a module is imported: those in no function, nor for the reader of types alone."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.Import | ast.ImportFrom):
             yield child
+        elif isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING":
+            continue
         elif not isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
             yield from at_import(child)
 
@@ -125,3 +141,23 @@ def test_importing_a_package_loads_nothing_heavy(package: str):
     script = f"import sys, {package}; print([m for m in {HEAVY} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.strip() == "[]"
+
+
+SMALL = """
+import sys
+import numpy as np
+import cape
+from skeleton.track import BoneTrack
+cloth = cape.Cloth.rectangle(width=0.3, height=0.3, spacing=0.1)
+scene = cape.Scene(cloth, [cape.attach(cloth, "rod", "top")], [cape.Plane(point=np.array([0.0, 0.0, -1.0]))])
+turns = np.tile([1.0, 0.0, 0.0, 0.0], (3, 1, 1))
+take = cape.simulate(scene, BoneTrack(("rod",), np.arange(3) / 60, np.zeros((3, 1, 3)), turns))
+print("numba" in sys.modules, take.result, take.positions.sum())
+"""
+
+
+@pytest.mark.skipif(COMPILER_OFF, reason="the compiler is off")
+def test_a_run_whose_code_is_on_disk_does_without_numba(tmp_path: Path):
+    first, second = (python(SMALL, NUMBA_CACHE_DIR=str(tmp_path)).split() for _ in range(2))
+    assert first[:2] == ["True", "finished"]
+    assert second == ["False", *first[1:]]

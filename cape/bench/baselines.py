@@ -9,8 +9,8 @@ import numpy as np
 
 from cape.bench.subject import Subject
 from cape.bench.timing import Probe
-from cape.kernels.baselines import limit_step, scalar_step
 from cape.kernels.calling import Bound
+from cape.kernels.cloth.baselines import limit_step, scalar_step
 from cape.kernels.jit import Function
 
 UNITS = 1e5  # vertices times steps in a call

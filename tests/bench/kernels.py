@@ -9,39 +9,40 @@ yardsticks include moving the vertices, and so does `grid + advance`.
 import time
 
 import numpy as np
-from cape.kernels.records import State
-from numba import njit
 
 from cape.assembly.springs import springs_of
 from cape.cloth.cloth import GridCloth
-from cape.kernels import baselines
-from cape.kernels.cloth import grid
+from cape.kernels.calling import Bound
+from cape.kernels.cloth import baselines, grid
+from cape.kernels.cloth.grid import GridAir, GridAirForces, GridBends, GridForces, GridSprings
+from cape.kernels.jit import routine
 from cape.kernels.solve import euler
+from cape.kernels.state import State
 
 REPEATS, VERTICES_A_REPEAT = 30, 100_000
 STRANGERS = 256  # vertices of the limit's rows, in the first cache
 SIZES = ((58, 26), (125, 80), (250, 200), (500, 400))
 
 
-@njit
-def repeat_grid(times, given):
+@routine
+def repeat_grid(times, group, n):
     """Springs and bending."""
     for _ in range(times):
-        grid.grid_forces(*given)
+        grid.grid_forces(group, 0, n)
 
 
-@njit
-def repeat_air(times, given):
+@routine
+def repeat_air(times, group, n):
     """Air alone."""
     for _ in range(times):
-        grid.grid_air_forces(*given)
+        grid.grid_air_forces(group, 0, n)
 
 
-@njit
-def repeat_advance(times, given):
+@routine
+def repeat_step(times, dt, gx, gy, gz, weight, fx, fy, fz, x, y, z, vx, vy, vz):
     """Vertices alone."""
     for _ in range(times):
-        euler.advance(*given)
+        euler.step_all(dt, gx, gy, gz, weight, fx, fy, fz, x, y, z, vx, vy, vz)
 
 
 def rows_of(rows: int, columns: int, dtype: type) -> dict[str, float]:
@@ -54,11 +55,11 @@ def rows_of(rows: int, columns: int, dtype: type) -> dict[str, float]:
     positions = cloth.positions + random.normal(0.0, 0.001, (n, 3))
     state = State(*(np.array(c, dtype) for c in (*positions.T, *random.normal(0.0, 0.1, (3, n)))))
     forces, room = np.zeros((3, n), dtype), grid.grid_room(dtype)
-    given = (families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype), 1e-5)
-    bends = (families.bend_stiffness.astype(dtype), 2e-3)
+    stretch = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
+    bends = GridBends(families.bend_offsets, families.bend_stiffness.astype(dtype))
     cells = np.zeros((rows, columns), dtype)
     cells[:-1, :-1] = 1
-    air = (np.zeros(3), 0.1, 0.05, cells.ravel(), columns)
+    air = GridAir(np.zeros(3), 0.1, 0.05, cells.ravel(), columns)
     still, weight = (dtype(0),) * 4, np.ones(n, dtype)
     # No time passes: the state stays as it is, whatever the number of repeats.
     stiffness, rest, bent = (a.astype(dtype) for a in (springs.stiffness, springs.rest, springs.bend_stiffness))
@@ -73,22 +74,23 @@ def rows_of(rows: int, columns: int, dtype: type) -> dict[str, float]:
         dtype(0), weight, stiffness, rest, dtype(1e-5), np.ascontiguousarray(coefficients.T), bent, dtype(2e-3),
         np.zeros((3, 3, STRANGERS), dtype), strangers,
     )  # fmt: skip
-    kernels = {
-        "springs + bends": lambda k: repeat_grid(k, (0, n, state, *given, *bends, *forces, room)),
-        "springs": lambda k: repeat_grid(k, (0, n, state, *given, None, None, *forces, room)),
-        "air": lambda k: repeat_air(k, (0, n, state, *air, *forces, room)),
-        "advance": lambda k: repeat_advance(k, (*still, weight, *forces, *state)),
-        "scalar": lambda k: baselines.scalar_step(k, *scalar),
-        "limit": lambda k: baselines.limit_step(k, *limit),
-    }
     times = max(1, VERTICES_A_REPEAT // n)
+    both = GridForces(state, stretch, bends, 1e-5, 2e-3, forces, room)
+    kernels = {
+        "springs + bends": Bound(repeat_grid, times, both, n),
+        "springs": Bound(repeat_grid, times, both._replace(bends=None, bend_damping=None), n),
+        "air": Bound(repeat_air, times, GridAirForces(state, air, forces, room), n),
+        "advance": Bound(repeat_step, times, *still, weight, *forces, *state),
+        "scalar": Bound(baselines.scalar_step, times, *scalar),
+        "limit": Bound(baselines.limit_step, times, *limit),
+    }
     best = dict.fromkeys(kernels, np.inf)
     for run in kernels.values():
-        run(1)
+        run()
     for _ in range(REPEATS):
         for name, run in kernels.items():
             start = time.perf_counter()
-            run(times)
+            run()
             best[name] = min(best[name], (time.perf_counter() - start) / times / n * 1e9)
     return best
 

@@ -13,17 +13,19 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from cape.kernels.records import State
-from numba import njit
 
 from cape.assembly.mesh_links import mesh_air_record, mesh_bends_record, mesh_springs_record
 from cape.assembly.mesh_springs import mesh_springs
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth, MeshCloth
 from cape.cloth.triangle_mesh import locality_order, reordered
-from cape.kernels.baselines import move, scalar_step
-from cape.kernels.cloth.mesh import mesh_air_forces, mesh_forces
-from cape.kernels.jit import kernel
+from cape.kernels.calling import Bound
+from cape.kernels.cloth.baselines import move, scalar_step
+from cape.kernels.cloth.mesh import MeshAirForces, MeshForces, mesh_air
+from cape.kernels.cloth.mesh import mesh_springs as pull_links
+from cape.kernels.jit import Function, kernel, routine
+from cape.kernels.state import State
+from cape.kernels.team import Team
 
 SIZES, BURST, REPEATS = (1_500, 5_000, 10_000), 1e-3, 300
 STEP, DAMPING, BEND_DAMPING = 1e-9, 1e-5, 2e-3  # so short a step that nothing moves
@@ -53,25 +55,20 @@ def advance(step, inverse_mass, fx, fy, fz, x, y, z, vx, vy, vz):
     move(step, inverse_mass, fx, fy, fz, x, y, z, vx, vy, vz)
 
 
-@njit(error_model="numpy", nogil=True)
-def scalar(calls, arguments):
-    """Substeps of the scalar loop."""
-    scalar_step(calls, *arguments)
-
-
-@njit(error_model="numpy", nogil=True)
-def by_links(calls, n, s, springs, bends, damping, bend_damping, step, inverse_mass, fx, fy, fz):
+@routine
+def by_links(calls, group, team, step, inverse_mass):
     """The same substeps with the forces of `cape.kernels.cloth.mesh`."""
+    s, f = group.state, group.forces
     for _ in range(calls):
-        mesh_forces(0, n, s, springs, bends, damping, bend_damping, fx, fy, fz, None)
-        advance(step, inverse_mass, fx, fy, fz, s.x, s.y, s.z, s.vx, s.vy, s.vz)
+        pull_links(group, team, 0, 1, 0.0)
+        advance(step, inverse_mass, f[0], f[1], f[2], s.x, s.y, s.z, s.vx, s.vy, s.vz)
 
 
-@njit(error_model="numpy", nogil=True)
-def air_alone(calls, n, s, air, fx, fy, fz):
+@routine
+def air_alone(calls, group, team):
     """The air's forces."""
     for _ in range(calls):
-        mesh_air_forces(0, n, s, air, fx, fy, fz, None)
+        mesh_air(group, team, 0, 1, 0.0)
 
 
 def without_bending(springs: Springs) -> Springs:
@@ -84,16 +81,17 @@ def without_bending(springs: Springs) -> Springs:
     )
 
 
-def fastest(variants: dict[str, Any], vertices: int) -> dict[str, float]:
+def fastest(variants: dict[str, tuple[Function, tuple[Any, ...]]], vertices: int) -> dict[str, float]:
     """Least time of a substep, per vertex [ns]."""
     calls = max(1, int(BURST / (20e-9 * vertices)))
+    bound = {name: Bound(function, calls, *arguments) for name, (function, arguments) in variants.items()}
     best = dict.fromkeys(variants, np.inf)
-    for function, arguments in variants.values():
-        function(1, *arguments)
+    for act in bound.values():
+        act()
     for _ in range(REPEATS):
-        for name, (function, arguments) in variants.items():
+        for name, act in bound.items():
             start = time.perf_counter()
-            function(calls, *arguments)
+            act()
             best[name] = min(best[name], time.perf_counter() - start)
     return {name: seconds / calls / vertices * 1e9 for name, seconds in best.items()}
 
@@ -106,8 +104,10 @@ def measure(vertices: int, dtype: type[np.floating]) -> dict[str, float]:
     moved = cloth.positions + rng.normal(0.0, 0.002, cloth.positions.shape)
     motion = (*moved.T, *rng.normal(0.0, 0.1, (3, n)))
 
-    def arrays() -> tuple[tuple[np.ndarray, ...], State]:
-        return tuple(np.zeros(n, dtype) for _ in range(3)), State(*(np.ascontiguousarray(a, dtype) for a in motion))
+    team = Team.alone(n)
+
+    def arrays() -> tuple[np.ndarray, State]:
+        return np.zeros((3, n), dtype), State(*(np.ascontiguousarray(a, dtype) for a in motion))
 
     weights, ends = (
         (1.0 / cloth.masses()).astype(dtype),
@@ -124,14 +124,15 @@ def measure(vertices: int, dtype: type[np.floating]) -> dict[str, float]:
     for name, links, bending in (("springs", without_bending(springs), False), ("with bending", springs, True)):
         forces, state = arrays()
         given = (dtype(STEP), weights, *plain, *(hinges if bending else (None,) * 4), *forces, *state)
-        variants[f"{name}, scalar"] = (scalar, (given,))
+        variants[f"{name}, scalar"] = (scalar_step, given)
         forces, state = arrays()
         bends = mesh_bends_record(links, n, dtype) if bending else None
-        damping = (dtype(DAMPING), dtype(BEND_DAMPING) if bending else None)
-        given = (n, state, mesh_springs_record(links, n, dtype), bends, *damping, dtype(STEP), weights, *forces)
-        variants[f"{name}, links"] = (by_links, given)
+        damping = (DAMPING, BEND_DAMPING if bending else None)
+        group = MeshForces(state, mesh_springs_record(links, n, dtype), bends, *damping, forces)
+        variants[f"{name}, links"] = (by_links, (group, team, dtype(STEP), weights))
     forces, state = arrays()
-    variants["air"] = (air_alone, (n, state, mesh_air_record(cloth, np.zeros(3), 0.1, 0.05, dtype), *forces))
+    blown = MeshAirForces(state, mesh_air_record(cloth, np.zeros(3), 0.1, 0.05, dtype), forces)
+    variants["air"] = (air_alone, (blown, team))
     return fastest(variants, n)
 
 

@@ -18,8 +18,10 @@ from collections.abc import Callable
 import numpy as np
 
 from cape import Pose, Simulation, SymplecticEuler
-from cape.kernels.jit import driver
-from cape.kernels.team import meet
+from cape.kernels.calling import Bound
+from cape.kernels.jit import routine
+from cape.kernels.linking import arrivals_for
+from cape.kernels.team import Team, meet
 from cape.run.batch import Batch
 from cape.scene.standard_scenes import plain
 from cape.solvers.threads import run
@@ -28,18 +30,26 @@ MEETINGS, FEW = 10_000, 500
 QUIET = 0.2  # how far the throughput of two threads that share nothing may be from 2, for a ratio to count
 
 
-@driver
+@routine
 def meet_often(times, team):
     for _ in range(times):
         meet(team)
 
 
-@driver
+@routine
 def sum_often(times):
     total = 0.0
     for i in range(times):
         total += i % 7 * 1.1
     return total
+
+
+def team_of(ranks: int, times: int) -> Callable[[], object]:
+    """A team whose ranks meet so often; what calls it."""
+    arrivals = arrivals_for(ranks)
+    each = [Bound(meet_often, times, Team(rank, ranks, 0, 0, arrivals)) for rank in range(ranks)]
+    alone = Bound(meet_often, times, Team.alone(0))
+    return lambda: run(lambda rank: each[rank](), alone, arrivals)
 
 
 def seconds(act: Callable[[], object], repeats: int = 200) -> float:
@@ -66,15 +76,15 @@ def side_by_side(times: int) -> float:
 
 def main(capes: int = 64) -> None:
     """Print a row a figure."""
-    run(meet_often, lambda team: (1, team), 2)
-    many = seconds(lambda: run(meet_often, lambda team: (MEETINGS, team), 2), 20)
+    team_of(2, 1)()
+    many = seconds(team_of(2, MEETINGS), 20)
     print(f"meeting of two ranks      {many / MEETINGS * 1e9:8.0f} ns")
-    alone, two = (seconds(lambda size=size: run(meet_often, lambda team: (1, team), size), 2000) for size in (1, 2))
+    alone, two = (seconds(team_of(size, 1), 2000) for size in (1, 2))
     print(f"launch of two ranks       {(two - alone) * 1e6:8.1f} us")
 
     with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as restless:
         for ranks in (2, 3):
-            few = seconds(lambda ranks=ranks: run(meet_often, lambda team: (FEW, team), ranks), 5)
+            few = seconds(team_of(ranks, FEW), 5)
             print(f"meeting of {ranks}, one core busy {few / FEW * 1e6:6.1f} us")
         restless.kill()
 

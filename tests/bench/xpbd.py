@@ -12,12 +12,14 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from cape.kernels.records import Motion, State
 
 from cape.assembly.assemble import assemble
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth
-from cape.kernels.jit import driver, kernel
+from cape.kernels.bones import Motion
+from cape.kernels.calling import Bound
+from cape.kernels.jit import kernel, routine
+from cape.kernels.state import State
 from cape.scene.attachments import attach
 from cape.scene.scene import Scene
 from cape.solvers import XPBD
@@ -53,15 +55,15 @@ def scalar_bend(vertices, coefficients, compliance, weight, damping, step, p, o)
     """Bend springs along one coordinate, one after the other."""
     for k in range(compliance.size):
         bend = moved = total = weight[0] * 0
-        for a in range(len(vertices)):
-            i, c = vertices[a][k], coefficients[a][k]
+        for a in range(vertices.shape[0]):
+            i, c = vertices[a, k], coefficients[a, k]
             bend += c * p[i]
             moved += c * (p[i] - o[i])
             total += c * c * weight[i]
         alpha, gamma = compliance[k] / (step * step), damping / step
         change = -(bend + gamma * moved) / ((1 + gamma) * total + alpha)
-        for a in range(len(vertices)):
-            p[vertices[a][k]] += weight[vertices[a][k]] * coefficients[a][k] * change
+        for a in range(vertices.shape[0]):
+            p[vertices[a, k]] += weight[vertices[a, k]] * coefficients[a, k] * change
 
 
 @kernel
@@ -83,11 +85,12 @@ def scalar_end(rate, x, y, z, vx, vy, vz, ox, oy, oz):
         vx[i], vy[i], vz[i] = (x[i] - ox[i]) * rate, (y[i] - oy[i]) * rate, (z[i] - oz[i]) * rate
 
 
-@driver
-def scalar_frame(substeps, step, fall, springs, bends, weight, damping, bend_damping, x, y, z, vx, vy, vz, ox, oy, oz):
+@routine
+def scalar_frame(
+    substeps, step, fall, first, second, rest, compliance, vertices, coefficients, bend_compliance, weight, damping,
+    bend_damping, x, y, z, vx, vy, vz, ox, oy, oz,
+):  # fmt: skip
     """A frame."""
-    first, second, rest, compliance = springs
-    vertices, coefficients, bend_compliance = bends
     for _ in range(substeps):
         scalar_begin(step, fall, weight, x, y, z, vx, vy, vz, ox, oy, oz)
         scalar_stretch(first, second, rest, compliance, weight, damping, step, x, y, z, ox, oy, oz)
@@ -108,27 +111,28 @@ def scalar(cloth: Cloth, springs: Springs, inverse_mass: np.ndarray, dtype: type
         SUBSTEPS,
         dtype(FRAME / SUBSTEPS),
         dtype(-9.81 * FRAME / SUBSTEPS),
-        (springs.first, springs.second, springs.rest.astype(dtype), (1 / springs.stiffness).astype(dtype)),
-        (
-            tuple(np.ascontiguousarray(v) for v in springs.bend_vertices.T),
-            tuple(np.array(c, dtype=dtype) for c in springs.bend_coefficients.T),
-            (1 / springs.bend_stiffness).astype(dtype),
-        ),
+        springs.first,
+        springs.second,
+        springs.rest.astype(dtype),
+        (1 / springs.stiffness).astype(dtype),
+        np.ascontiguousarray(springs.bend_vertices.T),
+        np.ascontiguousarray(springs.bend_coefficients.T.astype(dtype)),
+        (1 / springs.bend_stiffness).astype(dtype),
         inverse_mass.astype(dtype),
         dtype(cloth.fabric.damping_time),
         dtype(cloth.fabric.bend_damping_time),
     )
     arrays = [np.array(p, dtype=dtype) for p in (*crumpled(cloth), *np.zeros((6, cloth.vertices)))]
-    return lambda: scalar_frame(*given, *arrays)
+    return Bound(scalar_frame, *given, *arrays)
 
 
 def solver(scene: Scene, held: list[int], dtype: type[np.floating], threads: int, sweeps: int) -> Callable[[], None]:
     """A frame of XPBD."""
     description = XPBD(precision="single" if dtype is np.float32 else "double", iterations=sweeps)
     assembly = assemble(scene, [np.array(held)], threads=threads)
-    room = description.init(assembly)
     start = (*crumpled(assembly.cloth), *np.zeros((3, len(assembly.mass))))
     state = State(*(np.array(component, dtype=dtype) for component in start))
+    running = description.init(assembly, state)
     attached = assembly.attached
     assert attached is not None
     attached.points[:] = assembly.cloth.positions[attached.vertices]
@@ -136,7 +140,7 @@ def solver(scene: Scene, held: list[int], dtype: type[np.floating], threads: int
     motion = Motion(*pose, *pose)
 
     def frame() -> None:
-        description.step(assembly, room, state, motion, duration=FRAME, substeps=SUBSTEPS, threads=threads)
+        description.step(running, motion, duration=FRAME, substeps=SUBSTEPS, threads=threads)
 
     return frame
 

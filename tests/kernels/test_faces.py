@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from cape import Box, Capsule, Cloth, Collider, Fabric, MeshCloth, Plane, Scene, Sphere
 from cape.assembly.contact import STRETCHED, Contacts, contacts_of
 from cape.kernels.bones import MotionRoom
+from cape.kernels.contact import deepest as search
 from cape.kernels.contact import faces
 from cape.kernels.contact.faces import FaceContact
 from cape.kernels.contact.shapes import MOMENT, Colliders, Faces, place
@@ -54,7 +55,7 @@ DENSE, COARSE = grid_of_weights(60), grid_of_weights(20)
 
 
 def nearest_weights(p: FloatArray, corners: FloatArray) -> FloatArray:
-    return np.array(faces.weights_of_nearest(*map(float, p), *map(float, corners.ravel())))
+    return np.array(search.weights_of_nearest(*map(float, p), *map(float, corners.ravel())))
 
 
 @settings(deadline=None)  # the first one compiles
@@ -119,7 +120,7 @@ def test_triangles_of_no_area_have_a_nearest_point(corners):
 
 @routine
 def deepest(shapes, limit, ax, ay, az, bx, by, bz, cx, cy, cz):
-    return faces.deepest_on_triangle(shapes, 0, (ax, ay, az), (bx, by, bz), (cx, cy, cz), limit)
+    return search.deepest_on_triangle(shapes, 0, (ax, ay, az), (bx, by, bz), (cx, cy, cz), limit)
 
 
 @routine
@@ -232,7 +233,7 @@ def test_a_search_ends_early_where_a_triangle_is_surely_beyond_a_limit(kind: str
         elif short != whole:
             # As much is sure as its caller relies on.
             assert limit < short[-1] <= refined_depth(shapes, corners) + 1e-12
-            assert short[-1] - limit > faces.SURE * (short[0] - limit)
+            assert short[-1] - limit > search.SURE * (short[0] - limit)
             early += 1
     assert min(early, within) > 5
 

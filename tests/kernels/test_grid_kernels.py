@@ -6,8 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from cape.kernels import baselines
-from cape.kernels.cloth import grid
+from cape.kernels.cloth import baselines, grid
 from cape.kernels.cloth.grid import GridAir, GridAirForces, GridBends, GridForces, GridSprings
 from cape.kernels.state import State
 from tests.support.code import MACHINE, assembly, assembly_of_unit, compiled_only
