@@ -17,7 +17,7 @@ robot = "walk"
 [[solid]]
 name = "chest"
 kind = "box"
-bone = "chest"
+bone = "Spine2"
 center = [0.0, 0.0, 0.1]
 half_sizes = [0.1, 0.1, 0.15]
 """
