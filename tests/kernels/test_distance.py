@@ -259,9 +259,9 @@ def test_the_normal_of_an_ellipsoid_turns_steadily_where_both_sides_begin_to_be_
 def test_newton_arrives_long_before_its_last_step(monkeypatch: pytest.MonkeyPatch):
     random = np.random.default_rng(5)
     cases = [(random.standard_normal(3) * 0.3, np.exp(random.uniform(-3.0, 0.0, 3))) for _ in range(200)]
-    exact = [ellipsoid.nearest(*p.tolist(), *radii.tolist(), 0.0)[0] for p, radii in cases]
+    exact = [ellipsoid.nearest(*(*p.tolist(), *radii.tolist(), 0.0))[0] for p, radii in cases]
     monkeypatch.setattr(ellipsoid, "STEPS", 12)
-    twelve = [ellipsoid.nearest(*p.tolist(), *radii.tolist(), 0.0)[0] for p, radii in cases]
+    twelve = [ellipsoid.nearest(*(*p.tolist(), *radii.tolist(), 0.0))[0] for p, radii in cases]
     np.testing.assert_allclose(twelve, exact, rtol=1e-10)
 
 

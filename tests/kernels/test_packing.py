@@ -174,7 +174,8 @@ def test_records_with_arrays_within_are_read_and_written_in_place(step: int):
     chosen[::step] = True
     turn_over(rows[::step])
     np.testing.assert_array_equal(rows[~chosen], before[~chosen])
-    after, was = rows[chosen], before[chosen]
+    after: Any = rows[chosen]
+    was: Any = before[chosen]
     np.testing.assert_array_equal(after.number, -was.number)
     np.testing.assert_array_equal(after.place, 2.0 * was.place - was.number[:, None])
     np.testing.assert_array_equal(after.turn, was.turn.swapaxes(1, 2))

@@ -20,14 +20,14 @@ ROOM = 200
 
 
 class Log(NamedTuple):
-    """What units have noted: how many lines (1,), and who, the substep, how many, the step, and where (n, 6)."""
+    """What units have noted: how `full` it is (1,), and who, the substep, how many, the step, and where (n, 6)."""
 
-    count: NDArray[np.int64]
+    full: NDArray[np.int64]
     lines: NDArray[np.float64]
 
     @property
     def noted(self) -> list[list[float]]:
-        return self.lines[: self.count[0]].tolist()
+        return self.lines[: self.full[0]].tolist()
 
 
 class Named(NamedTuple):
@@ -46,9 +46,9 @@ class Within(NamedTuple):
 
 @inlined
 def note(log, who, team, substep, substeps, step):
-    line = log.lines[log.count[0]]
+    line = log.lines[log.full[0]]
     line[0], line[1], line[2], line[3], line[4], line[5] = who, substep, substeps, step, team.lo, team.hi
-    log.count[0] += 1
+    log.full[0] += 1
 
 
 @unit
@@ -97,7 +97,7 @@ def test_a_frame_calls_what_begins_it_once_and_the_rest_in_every_substep(log: Lo
     assert [line[:4] for line in log.noted] == expected
     assert {tuple(line[4:]) for line in log.noted} == {(5.0, 9.0)}
     # Again, with steps of another number and length.
-    log.count[0] = 0
+    log.full[0] = 0
     frame.run(1, 2.0)
     assert [line[:4] for line in log.noted] == [[who, 0, 1, 2.0] for who in (1.0, -2.0, 3.0, -1.0, 4.0)]
 

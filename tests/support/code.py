@@ -10,7 +10,7 @@ from cape.assembly.contact import link_distances
 from cape.kernels import store
 from cape.kernels.jit import COMPILER_OFF, Function
 from cape.kernels.linking import STEP, Linker
-from cape.kernels.packing import Kind, Packed
+from cape.kernels.packing import ArrayKind, GroupKind, Packed
 from cape.kernels.team import Team
 from cape.scene.scene import Scene
 from cape.solvers import Solver
@@ -24,12 +24,12 @@ MACHINE = _SAME.get(platform.machine().lower(), platform.machine().lower())
 """The processor's kind."""
 
 
-def assembly(function: Function, kinds: Sequence[Kind | Any]) -> str:
+def assembly(function: Function, kinds: Sequence[Any]) -> str:
     """Assembly of a function with all that it calls, compiled anew for arguments of some kinds, or numba types."""
     from cape.kernels import compiler
 
     anew = Function(function.python, noalias=function.noalias, inline=function.inline, formula=function.formula)
-    types = tuple(compiler.type_of(kind) if isinstance(kind, str | tuple) else kind for kind in kinds)
+    types = tuple(compiler.type_of(kind) if isinstance(kind, (str, ArrayKind, GroupKind)) else kind for kind in kinds)
     module = compiler._made(anew, types).library.link_and_optimise()
     return compiler._target.codegen()._tm.emit_assembly(module)
 
