@@ -1,7 +1,8 @@
-"""Compiling several pieces on all cores: in this process and in helpers, each of which takes the largest that is left.
+"""Compiling several pieces on all cores: in helpers, each of which takes the largest piece that is left.
 
 Each piece is claimed by who makes a file of its name first. Helpers are new processes, as numba compiles on one thread
-of a process at a time; they hand over what they made in the folder of compiled code, and without it there are none.
+of a process at a time; they hand over what they made in the folder of compiled code. This process compiles along where
+numba is loaded already, or where there is no such folder, and what no helper could make.
 """
 
 import contextlib
@@ -11,6 +12,7 @@ import pickle
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -22,26 +24,33 @@ log = logging.getLogger("cape.compiling")
 
 WORTH = 3  # pieces for each helper at least: one takes a second to start
 
-listener: Callable[[str, int, int], None] | None = None
-"""Told of each piece that this process begins to compile: its name, how many were begun before, how many there are.
+POLLED = 0.02  # s between looks at how far helpers are
+
+Listener = Callable[[str, int, int], None]
+
+listener: Listener | None = None
+"""Told of each piece that is begun: its name, how many were begun before, how many there are.
 
 At the end, when all are there, it is called once more with no name.
 """
 
 
 def compile_all(requests: Sequence[Request]) -> None:
-    """Compile all requests, in this process and in helpers."""
+    """Compile all requests."""
     requests = sorted(requests, key=lambda request: -_extent(request.function, set()))
     with tempfile.TemporaryDirectory(prefix="cape-") as name:
         claims = Path(name)
-        helpers = _start_helpers(requests, claims)
+        alongside = "numba" in sys.modules
+        helpers = _start_helpers(requests, claims, count=_cores() - alongside)
         try:
-            _work(requests, claims, tell=True)
+            if alongside or not helpers:
+                _work(requests, claims, told=listener)
+            _wait(helpers, claims, len(requests))
         finally:
             for helper in helpers:
-                with contextlib.suppress(BaseException):
-                    helper.wait()
-    # What a helper claimed and did not finish.
+                helper.kill()
+                helper.wait()
+    # What no helper could make.
     for request in store.missing(requests):
         store.make(request)
     if listener is not None:
@@ -49,13 +58,24 @@ def compile_all(requests: Sequence[Request]) -> None:
     log.info("compiled %d pieces", len(requests))
 
 
-def _work(requests: Sequence[Request], claims: Path, *, tell: bool) -> None:
+def _wait(helpers: Sequence["subprocess.Popen[bytes]"], claims: Path, total: int) -> None:
+    """Wait until all helpers are done, telling what they begin."""
+    known: set[str] = set()
+    while any(helper.poll() is None for helper in helpers):
+        for begun in sorted(set(os.listdir(claims)) - known):
+            if listener is not None:
+                listener(begun.rpartition("-")[0], len(known), total)
+            known.add(begun)
+        time.sleep(POLLED)
+
+
+def _work(requests: Sequence[Request], claims: Path, *, told: Listener | None) -> None:
     for request in requests:
         done = len(os.listdir(claims))
         if not _claim(claims, request):
             continue
-        if tell and listener is not None:
-            listener(request.name, done, len(requests))
+        if told is not None:
+            told(request.name, done, len(requests))
         log.info("compiling %s, %d of %d", request.name, done + 1, len(requests))
         store.make(request)
 
@@ -79,29 +99,49 @@ def _claim(claims: Path, request: Request) -> bool:
     return True
 
 
-def _start_helpers(requests: Sequence[Request], claims: Path) -> list["subprocess.Popen[bytes]"]:
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+def _start_helpers(requests: Sequence[Request], claims: Path, *, count: int) -> list["subprocess.Popen[bytes]"]:
     if store.folder() is None or not sys.executable:
         return []
-    cores = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
-    count = min(cores - 1, len(requests) // WORTH)
     helpers = []
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    for _ in range(count):
+    for _ in range(min(count, len(requests) // WORTH)):
         with contextlib.suppress(OSError):
             helper = subprocess.Popen(
-                [sys.executable, "-m", "cape.kernels.compiling", str(claims)],
+                [sys.executable, "-c", _HELPER, str(claims), str(store.ROOT), *filter(None, sys.path)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,  # what goes wrong there is done again here, and told
-                env=environment,
             )
             assert helper.stdin is not None
             with contextlib.suppress(BrokenPipeError):
-                helper.stdin.write(pickle.dumps(requests))
+                helper.stdin.write(pickle.dumps([pickle.dumps(request) for request in requests]))
                 helper.stdin.close()
             helpers.append(helper)
     return helpers
 
 
-if __name__ == "__main__":
-    _work(pickle.load(sys.stdin.buffer), Path(sys.argv[1]), tell=False)  # from the process that started this one
+# Packages stand for themselves without what they export, and scipy, which numba looks for to multiply matrices, is not
+# found: a helper needs neither, and starts in half the time.
+_HELPER = """
+import sys, types
+claims, root = sys.argv[1:3]
+sys.path[:] = sys.argv[3:]
+sys.modules["scipy"] = None
+for name in ("cape", "skeleton"):
+    package = sys.modules[name] = types.ModuleType(name)
+    package.__path__ = [f"{root}/{name}"]
+from cape.kernels import compiling
+compiling.help_out(claims)
+"""
+
+
+def help_out(claims: str) -> None:
+    """Compile what the process that started this one wants, as far as it can be found from here."""
+    requests = []
+    for text in pickle.load(sys.stdin.buffer):  # from that process
+        with contextlib.suppress(Exception):
+            requests.append(pickle.loads(text))
+    _work(requests, Path(claims), told=None)

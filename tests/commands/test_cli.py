@@ -16,14 +16,16 @@ import motions
 CAPE = Path(sys.executable).with_name("cape")
 
 
-def cape(*arguments: str | Path, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+def cape(
+    *arguments: str | Path, folder: Path, timeout: float = 300.0, **environment: str
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [CAPE, *map(str, arguments)],
         cwd=folder,
         env={**os.environ, **environment},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=timeout,
     )
 
 

@@ -385,7 +385,8 @@ def test_the_command_writes_page_diagrams_facts_and_recordings(tmp_path: Path):
     script = f"""
 import sys
 from cape.report.plan import Plan
-from cape.cli import main, report
+from cape.cli import main
+from cape.cli.commands import report
 report.QUICK = {plan!r}
 sys.argv = ["cape", "report", "--quick", "-o", {str(tmp_path / "out")!r}]
 if __name__ == "__main__":

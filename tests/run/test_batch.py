@@ -27,9 +27,9 @@ class Observed(SymplecticEuler):
 
     act: Callable[[], None] = lambda: None
 
-    def step(self, assembly, room, state, *arguments, **options):
+    def step(self, running, motion, **options):
         self.act()
-        return super().step(assembly, room, state, *arguments, **options)
+        return super().step(running, motion, **options)
 
 
 def capes(*, solver: SymplecticEuler | None = None) -> list[Simulation]:

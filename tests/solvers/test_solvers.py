@@ -266,8 +266,8 @@ def hanging_track(frames: int) -> tuple[Scene, BoneTrack]:
 
 
 def test_a_long_run_is_announced_before_its_first_frame(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("cape.run.simulate.SLOW", 0.0)
-    monkeypatch.setattr("cape.run.simulate.SLOW_FACTOR", 0.0)
+    monkeypatch.setattr("cape.run.notes.SLOW", 0.0)
+    monkeypatch.setattr("cape.run.notes.SLOW_FACTOR", 0.0)
     scene, track = hanging_track(4)
     done: list[int] = []
     with pytest.warns(SlowWarning, match=r"euler takes \d+ steps a frame here, about \d+ s for 3 frames"):

@@ -4,6 +4,7 @@ import json as json_format
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -15,11 +16,10 @@ from cape.kernels import store
 from cape.kernels.jit import COMPILER_OFF
 from cape.kernels.store import Request
 from cape.run.simulate import requests_of
-from cape.scene.colliders import Box, Collider, Sphere, TaperedCapsule
 from cape.scene.scene import Scene
 from cape.solvers import SOLVERS, Solver, SymplecticEuler
 from cape.solvers.threads import available_cores
-from skeleton import Capsule
+from skeleton.shapes import SHAPES, Shape
 
 COARSE = 0.06  # m between vertices: code is the same for a cloth of any size
 THIN = 0.01  # m: what pokes through between vertices
@@ -77,12 +77,12 @@ def _solvers() -> Iterator[Solver]:
     yield SymplecticEuler(precision="double")
 
 
-def _shapes() -> tuple[Collider, ...]:
-    """A thin solid of each kind that a file of hitboxes may hold, out of the way."""
-    low, high = np.array([5.0, 5.0, 0.5]), np.array([5.0, 5.0, 0.9])
-    return (
-        Capsule("capsule", None, low, high, THIN),
-        TaperedCapsule(name="tapered capsule", start=low, end=high, start_radius=THIN, end_radius=THIN / 2),
-        Sphere(name="sphere", center=low, radius=THIN),
-        Box(name="box", center=low, half_sizes=np.full(3, THIN)),
-    )
+def _shapes() -> Iterator[Shape]:
+    """A thin solid of each kind that there is."""
+    for word, shape in SHAPES.items():
+        values: dict[str, Any] = {"name": word, "bone": None}
+        for label, size in shape.numbers.items():
+            if label not in shape.optional:
+                value = THIN * len(values)  # each another one: a solid may not end where it starts
+                values[label] = np.full(size, value) if size else value
+        yield shape(**values)
