@@ -73,6 +73,14 @@ INNER = np.float32  # precision of the linear systems, whose solutions the next 
 Array = NDArray[np.floating]
 
 
+class Layout(NamedTuple):
+    """Room for what the springs and bend springs give to the matrix: see `GridStiffness` and `MeshStiffness`."""
+
+    coefficients: Array
+    couplings: Array | None
+    ends: Array | None
+
+
 class ImplicitArrays(NamedTuple):
     """What the steps of a run share; of `room`, `scratch` and `counts` each thread has its own."""
 
@@ -80,6 +88,7 @@ class ImplicitArrays(NamedTuple):
     inertia: Inertia
     room: tuple[GridRoom | None, ...]
     matrix: Matrix
+    layout: Layout
     work: Work
     scratch: tuple[Array, ...]
     counts: NDArray[np.int64]
@@ -131,7 +140,7 @@ class ImplicitSolver(Solver):
         """Lay out the matrix and the room for its products."""
         dtype, count = self.dtype(assembly), assembly.cloth.vertices
         arrays = {force: force.arrays(assembly, dtype) for force in forces_of(assembly.scene)}
-        matrix = matrix_of(assembly, arrays[Elastic], INNER)
+        matrix, layout = matrix_of(assembly, arrays[Elastic], INNER)
         chunks, size = -(-count // CHUNK), matrix.mass.size
         ranks = len(assembly.ranks)
         return ImplicitArrays(
@@ -139,6 +148,7 @@ class ImplicitSolver(Solver):
             inertia=inertia_of(assembly, dtype),
             room=force_scratch(assembly, dtype),
             matrix=matrix,
+            layout=layout,
             work=Work(
                 start=np.zeros((6, count), dtype),
                 target=np.zeros((6, count), dtype),
@@ -227,17 +237,24 @@ class ImplicitSolver(Solver):
         running = thread.running
         arrays: ImplicitArrays = running.arrays
         links: Links = arrays.forces[Elastic]
+        layout = arrays.layout
         own = [Use(set_own, arrays.matrix)]
         if contact is not None:
             own.append(Use(add_contact_blocks, Blocks(arrays.matrix, contact.penalty.blocks)))
         start, invert = Use(start_diagonal, arrays.matrix), Use(invert_diagonal, arrays.matrix)
         if isinstance(links.springs, GridSprings):
             assert not isinstance(links.bends, MeshBends)
-            grid = GridStiffness(running.state, links.springs, links.bends, arrays.matrix, arrays.scratch[thread.rank])
+            grid = GridStiffness(
+                running.state, links.springs, links.bends, arrays.matrix, layout.coefficients, layout.couplings,
+                arrays.scratch[thread.rank],
+            )  # fmt: skip
             first, last, product = Use(linearise_springs, grid), Use(add_grid_diagonal, grid), Use(multiply_grid, grid)
         else:
             assert not isinstance(links.bends, GridBends)
-            mesh = MeshStiffness(running.state, links.springs, links.bends, arrays.matrix)
+            assert layout.ends is not None
+            mesh = MeshStiffness(
+                running.state, links.springs, links.bends, arrays.matrix, layout.coefficients, layout.ends
+            )
             first, last, product = Use(linearise_mesh, mesh), Use(add_mesh_diagonal, mesh), Use(multiply_mesh, mesh)
         return [first, *wait(thread), *own, start, last, invert], [Use(multiply_own, arrays.matrix), product]
 
@@ -337,8 +354,8 @@ class TRBDF2(ImplicitSolver):
         return uses
 
 
-def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> Matrix:
-    """Lay out the matrix of a cloth; see `kernels.implicit.stiffness`."""
+def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tuple[Matrix, Layout]:
+    """Lay out the matrix of a cloth, and what springs give to it; see `kernels.implicit.stiffness`."""
     springs, cloth = assembly.springs, assembly.cloth
     count = cloth.vertices
     front = 0
@@ -365,20 +382,18 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> Mat
             arriving = np.concatenate([np.zeros(offset), stiffness[: count - offset]])
             rows += [-2.0 * (stiffness + arriving), stiffness]
         bends = padded(np.stack(rows))
-    return Matrix(
+    matrix = Matrix(
         front=front,
-        springs=coefficients,
-        ends=ends,
-        bends=bends,
         bend_diagonal=padded(diagonal),
         mass=padded(assembly.mass, 1.0),
         free=padded(assembly.free),
         own=np.zeros((6, size), dtype),
         inverse=np.zeros((6, size), dtype),
         vectors=np.zeros((5, 3, size), dtype),
-        damping=links.damping,
-        bend_damping=links.bend_damping,
+        damping=links.damping or 0.0,
+        bend_damping=links.bend_damping or 0.0,
     )
+    return matrix, Layout(coefficients, bends, ends)
 
 
 def _penalty(assembly: Assembly, dtype: type[np.floating]) -> Penalty:

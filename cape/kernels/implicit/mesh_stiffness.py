@@ -7,6 +7,9 @@ BLOCK); `ends` is room for what each link keeps for its other end, laid out as t
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cape.kernels.absent import row
 from cape.kernels.cloth.mesh import BLOCK, ENDS, MeshBends, MeshSprings, collect
 from cape.kernels.implicit.linearise import linearised
@@ -15,23 +18,27 @@ from cape.kernels.jit import inlined, kernel, routine, unit
 from cape.kernels.state import State
 from cape.kernels.team import meet
 
+Array = NDArray[np.floating]
+
 
 class MeshStiffness(NamedTuple):
-    """The matrix of a mesh; `bends` is None without bending."""
+    """The matrix of a mesh; `bends` is None without bending, `coefficients` and `ends` are as the module tells."""
 
     state: State
     springs: MeshSprings
     bends: MeshBends | None
     matrix: Matrix
+    coefficients: Array
+    ends: Array
 
 
 @unit
 def multiply_mesh(g, team, substep, substeps, b):
     """Add the product of p with a mesh's links to q."""
-    matrix, p, q, lo, hi = g.matrix, g.matrix.vectors[3], g.matrix.vectors[4], team.lo, team.hi
-    multiply_links(lo, hi, g.springs.second, matrix.springs, p[0], p[1], p[2], matrix.ends, q[0], q[1], q[2])
+    p, q, lo, hi = g.matrix.vectors[3], g.matrix.vectors[4], team.lo, team.hi
+    multiply_links(lo, hi, g.springs.second, g.coefficients, p[0], p[1], p[2], g.ends, q[0], q[1], q[2])
     meet(team)
-    gather(lo, hi, g.springs, matrix.ends, q[0], q[1], q[2])
+    gather(lo, hi, g.springs, g.ends, q[0], q[1], q[2])
 
 
 @unit
@@ -39,7 +46,7 @@ def linearise_mesh(g, team, substep, substeps, b):
     """Find w and c of a mesh's links."""
     dtype = g.state.x.dtype.type
     stretched, bend_scale = dtype(damped(g.matrix.damping, b)), dtype(damped(g.matrix.bend_damping, b))
-    _linearise(team.lo, team.hi, g.state, g.springs, g.bends, stretched, bend_scale, g.matrix.springs)
+    _linearise(team.lo, team.hi, g.state, g.springs, g.bends, stretched, bend_scale, g.coefficients)
 
 
 @routine
@@ -60,14 +67,14 @@ def _linearise(lo, hi, s, links, bends, stretched, bend_scale, coefficients):
 @unit
 def add_mesh_diagonal(g, team, substep, substeps, b):
     """Add a mesh's links to the block diagonal."""
-    matrix, lo, hi, blocks = g.matrix, team.lo, team.hi, g.matrix.inverse
-    keep_entries(lo, hi, matrix.springs, matrix.ends, None, blocks[0], blocks[1], blocks[2])
+    lo, hi, blocks = team.lo, team.hi, g.matrix.inverse
+    keep_entries(lo, hi, g.coefficients, g.ends, None, blocks[0], blocks[1], blocks[2])
     meet(team)
-    gather(lo, hi, g.springs, matrix.ends, blocks[0], blocks[1], blocks[2])
+    gather(lo, hi, g.springs, g.ends, blocks[0], blocks[1], blocks[2])
     meet(team)
-    keep_entries(lo, hi, matrix.springs, matrix.ends, True, blocks[3], blocks[4], blocks[5])
+    keep_entries(lo, hi, g.coefficients, g.ends, True, blocks[3], blocks[4], blocks[5])
     meet(team)
-    gather(lo, hi, g.springs, matrix.ends, blocks[3], blocks[4], blocks[5])
+    gather(lo, hi, g.springs, g.ends, blocks[3], blocks[4], blocks[5])
     meet(team)
 
 

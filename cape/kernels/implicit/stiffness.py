@@ -27,27 +27,22 @@ Array = NDArray[np.floating]
 
 
 class Matrix(NamedTuple):
-    """What the matrix of a Newton step is made of: vectors and rows of length L.
+    """What the matrix of a Newton step is made of, whatever the springs: vectors and rows of length L.
 
-    `springs` holds w and c of each spring of a grid (4 F, L), or as in `mesh_stiffness`, which needs `ends`; `bends`
-    the couplings of a vertex with the next ones and the second next along each family [N/m] (2 K, L), None without
-    bends; `bend_diagonal` [N/m], `mass` [kg] and `free`, 0 for attached vertices, (L,); `own` blocks (6, L), and the
-    `inverse` of A's block diagonal (6, L). Of `vectors` (5, 3, L) the products are of the fourth, into the last.
-    `damping` and `bend_damping` are damping times [s].
+    `bend_diagonal` [N/m], `mass` [kg] and `free`, 0 for attached vertices, (L,); `own` blocks (6, L), and the `inverse`
+    of A's block diagonal (6, L). Of `vectors` (5, 3, L) the products are of the fourth, into the last. `damping` and
+    `bend_damping` are damping times [s], 0 for none.
     """
 
     front: int
-    springs: Array
-    ends: Array | None
-    bends: Array | None
     bend_diagonal: Array
     mass: Array
     free: Array
     own: Array
     inverse: Array
     vectors: Array
-    damping: float | None
-    bend_damping: float | None
+    damping: float
+    bend_damping: float
 
 
 class Blocks(NamedTuple):
@@ -58,12 +53,18 @@ class Blocks(NamedTuple):
 
 
 class GridStiffness(NamedTuple):
-    """The matrix of a grid cloth; `scratch` (3, L) is a thread's own."""
+    """The matrix of a grid cloth.
+
+    `coefficients` holds w and c of each spring (4 F, L), `couplings` those of a vertex with the next ones and the
+    second next along each family of bend springs [N/m] (2 K, L), None without any; `scratch` (3, L) is a thread's own.
+    """
 
     state: State
     springs: GridSprings
     bends: GridBends | None
     matrix: Matrix
+    coefficients: Array
+    couplings: Array | None
     scratch: Array
 
 
@@ -85,14 +86,14 @@ def multiply_grid(g, team, substep, substeps, b):
     """Add the product of p with a grid's springs and bend springs to q."""
     matrix = g.matrix
     p, q = matrix.vectors[3], matrix.vectors[4]
-    add_grid_product(team.lo, team.hi, g.springs, matrix.front, matrix.springs, g.scratch, p, q)
-    _add_bends(team.lo, team.hi, g.bends, damped(matrix.bend_damping, b), matrix, p, q)
+    add_grid_product(team.lo, team.hi, g.springs, matrix.front, g.coefficients, g.scratch, p, q)
+    _add_bends(team.lo, team.hi, g, g.bends, damped(matrix.bend_damping, b), p, q)
 
 
 @routine
-def _add_bends(lo, hi, bends, scale, matrix, p, q):
+def _add_bends(lo, hi, g, bends, scale, p, q):
     if bends is not None:
-        add_grid_bend_product(lo, hi, bends, q.dtype.type(scale), matrix.front, matrix.bends, p, q)
+        add_grid_bend_product(lo, hi, bends, q.dtype.type(scale), g.matrix.front, g.couplings, p, q)
 
 
 # -- linearising at a state --
@@ -103,7 +104,7 @@ def linearise_springs(g, team, substep, substeps, b):
     """Find w and c of a grid's springs."""
     s, matrix = g.state, g.matrix
     stretched = s.x.dtype.type(damped(matrix.damping, b))
-    linearise_grid(team.lo, team.hi, s, g.springs, stretched, matrix.front, matrix.springs)
+    linearise_grid(team.lo, team.hi, s, g.springs, stretched, matrix.front, g.coefficients)
 
 
 @unit
@@ -136,7 +137,7 @@ def start_diagonal(g, team, substep, substeps, b):
 @unit
 def add_grid_diagonal(g, team, substep, substeps, b):
     """Add a grid's springs to the block diagonal."""
-    add_grid_blocks(team.lo, team.hi, g.springs, g.matrix.front, g.matrix.springs, g.matrix.inverse)
+    add_grid_blocks(team.lo, team.hi, g.springs, g.matrix.front, g.coefficients, g.matrix.inverse)
 
 
 @unit
@@ -313,6 +314,4 @@ def add_grid_blocks(lo, hi, springs, front, coefficients, blocks):
 @inlined
 def damped(damping_time, b):
     """What damping multiplies a stiffness by: 1 + tau/b."""
-    if damping_time is None:
-        return 1.0
     return 1.0 + damping_time / b
