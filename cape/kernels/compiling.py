@@ -40,12 +40,16 @@ def compile_all(requests: Sequence[Request]) -> None:
     requests = sorted(requests, key=lambda request: -_extent(request.function, set()))
     with tempfile.TemporaryDirectory(prefix="cape-") as name:
         claims = Path(name)
+        begun = _Begun(requests, claims)
         alongside = "numba" in sys.modules
         helpers = _start_helpers(requests, claims, count=_cores() - alongside)
         try:
             if alongside or not helpers:
-                _work(requests, claims, told=listener)
-            _wait(helpers, claims, len(requests))
+                _work(requests, claims, begun)
+            while any(helper.poll() is None for helper in helpers):
+                begun.look()
+                time.sleep(POLLED)
+            begun.look()
         finally:
             for helper in helpers:
                 helper.kill()
@@ -58,24 +62,29 @@ def compile_all(requests: Sequence[Request]) -> None:
     log.info("compiled %d pieces", len(requests))
 
 
-def _wait(helpers: Sequence["subprocess.Popen[bytes]"], claims: Path, total: int) -> None:
-    """Wait until all helpers are done, telling what they begin."""
-    known: set[str] = set()
-    while any(helper.poll() is None for helper in helpers):
-        for begun in sorted(set(os.listdir(claims)) - known):
+class _Begun:
+    """The pieces that were begun, by whomever: the listener is told of each once."""
+
+    def __init__(self, requests: Sequence[Request], claims: Path) -> None:
+        self._names = {request.file: request.name for request in requests}
+        self._claims = claims
+        self._told: set[str] = set()
+
+    def look(self) -> None:
+        """Tell of what was begun since the last look."""
+        for file in sorted(set(os.listdir(self._claims)) - self._told):
             if listener is not None:
-                listener(begun.rpartition("-")[0], len(known), total)
-            known.add(begun)
-        time.sleep(POLLED)
+                listener(self._names[file], len(self._told), len(self._names))
+            self._told.add(file)
 
 
-def _work(requests: Sequence[Request], claims: Path, *, told: Listener | None) -> None:
+def _work(requests: Sequence[Request], claims: Path, begun: _Begun | None = None) -> None:
     for request in requests:
         done = len(os.listdir(claims))
         if not _claim(claims, request):
             continue
-        if told is not None:
-            told(request.name, done, len(requests))
+        if begun is not None:
+            begun.look()
         log.info("compiling %s, %d of %d", request.name, done + 1, len(requests))
         store.make(request)
 
@@ -144,4 +153,4 @@ def help_out(claims: str) -> None:
     for text in pickle.load(sys.stdin.buffer):  # from that process
         with contextlib.suppress(Exception):
             requests.append(pickle.loads(text))
-    _work(requests, Path(claims), told=None)
+    _work(requests, Path(claims))

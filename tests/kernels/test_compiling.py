@@ -39,38 +39,35 @@ KINDS = ("int", "float", "single")
 REQUESTS = [Request(f, (a, b)) for f in (add, multiply, power) for a, b in zip(KINDS, KINDS, strict=True)]
 
 SCRIPT = """
-import json, os, sys, time
-from pathlib import Path
-os.sched_getaffinity = lambda process: {0, 1}
+import json, sys, time
 from cape.kernels import compiling, store
 from tests.kernels import test_compiling as test
-compiled_by_us, told = [], []
+how, told, started = sys.argv[1], [], []
+compiling._cores = lambda: {"alone": 0, "together": 2}.get(how, 1)
+if how == "together":
+    import numba
+elif how not in ("alone", "helper"):
+    sys.executable = how
 def listen(name, done, count):
     told.append((name, done, count))
     # Until the helper has made its first piece.
     end = time.monotonic() + 120
-    while wait and not list(store.folder().glob("*.o")) and time.monotonic() < end:
+    while how == "together" and not list(store.folder().glob("*.o")) and time.monotonic() < end:
         time.sleep(0.05)
 compiling.listener = listen
-wait = sys.argv[1] == "wait"
-if sys.argv[1] not in ("wait", "alone"):
-    compiling.sys.executable = sys.argv[1]
-started = []
 class Popen(compiling.subprocess.Popen):
     def __init__(self, *arguments, **more):
         super().__init__(*arguments, **more)
         started.append(self)
 compiling.subprocess.Popen = Popen
-if sys.argv[1] == "alone":
-    os.sched_getaffinity = lambda process: {0}
 store.prepare(test.REQUESTS)
-ended = [helper.poll() for helper in started]
-before, told = len(store.compiled), list(told)
 compiling.listener = None
-digests = [store.find(request)[:2] for request in test.REQUESTS]
-missing = len(store.missing(test.REQUESTS))
+seen = {
+    "ours": len(store.compiled), "told": list(told), "ended": [helper.poll() for helper in started],
+    "missing": len(store.missing(test.REQUESTS)), "numba": "numba" in sys.modules,
+}
 results = [f(a, b) for f in (test.add, test.multiply, test.power) for a, b in ((2, 3), (0.5, 3.0))]
-print(json.dumps({"ours": before, "told": told, "ended": ended, "missing": missing, "results": results}))
+print(json.dumps({**seen, "results": results}))
 """
 
 
@@ -79,39 +76,45 @@ class Seen(NamedTuple):
     told: list[list]
     ended: list[int]
     missing: int
+    numba: bool
     results: list[float]
 
 
 def run(how: str, folder: Path) -> Seen:
-    """Compile all requests into a folder, with a helper that works, is none, or is the file named."""
+    """Compile all requests into a folder: alone, by a helper, together with one, or with the file named as helper."""
     seen = Seen(**json.loads(python(SCRIPT, how, NUMBA_CACHE_DIR=str(folder))))
     assert seen.missing == 0
     assert seen.results == [5, 3.5, 6, 1.5, 8, 0.125]
+    # Each piece is announced as it is begun, with how many were begun before; and then the end.
+    *told, end = seen.told
+    assert end == ["", len(REQUESTS), len(REQUESTS)]
+    assert [done for _, done, _ in told] == sorted({done for _, done, _ in told})
+    assert {count for _, _, count in told} <= {len(REQUESTS)}
     return seen
 
 
-def test_a_helper_takes_its_share_and_all_is_as_if_made_by_one(tmp_path: Path):
-    shared, alone = run("wait", tmp_path / "shared"), run("alone", tmp_path / "alone")
-    assert shared.ended == [0]
+def pieces(folder: Path) -> dict[str, store.Piece]:
+    return {path.name: store.Piece.unpack(path.read_bytes()) for path in (folder / "cape").iterdir()}
+
+
+def test_whoever_compiles_all_is_there_and_the_same(tmp_path: Path):
+    seen = {how: run(how, tmp_path / how) for how in ("alone", "helper", "together")}
+    alone, helper, together = seen.values()
     assert alone.ended == []
-    assert 0 < shared.ours < len(REQUESTS)
-    assert alone.ours == len(REQUESTS)
-    # Each piece is announced before this process compiles it, with how many were begun before; and then the end.
-    *told, end = alone.told
-    assert end == shared.told[-1] == ["", len(REQUESTS), len(REQUESTS)]
-    assert sorted(name for name, _, _ in told) == sorted(request.name for request in REQUESTS)
-    assert [done for _, done, _ in told] == list(range(len(REQUESTS)))
-    assert {count for _, _, count in (*told, *shared.told)} == {len(REQUESTS)}
-    assert len(shared.told) == shared.ours + 1
-    made = [{path.name: Piece_of(path) for path in (tmp_path / how / "cape").iterdir()} for how in ("shared", "alone")]
-    assert made[0].keys() == made[1].keys()
-    assert {name: piece.returns for name, piece in made[0].items()} == {
-        name: piece.returns for name, piece in made[1].items()
-    }
-
-
-def Piece_of(path: Path) -> store.Piece:
-    return store.Piece.unpack(path.read_bytes())
+    assert helper.ended == together.ended == [0]
+    # With nothing of numba loaded this process leaves all to the helper; else it takes its share.
+    assert (alone.ours, helper.ours) == (len(REQUESTS), 0)
+    assert 0 < together.ours < len(REQUESTS)
+    assert alone.numba
+    assert not helper.numba
+    for one in (alone, helper, together):
+        assert sorted(name for name, _, _ in one.told[:-1]) == sorted(request.name for request in REQUESTS)
+    made = {how: pieces(tmp_path / how) for how in seen}
+    requests = {request.file for request in REQUESTS}
+    for how in ("helper", "together"):
+        for name in requests:
+            # But for the numbers in the symbols' names, which tell how many were made before in the same process.
+            assert made[how][name].returns == made["alone"][name].returns
 
 
 @pytest.mark.parametrize("begins", ["never", "and claims all"])

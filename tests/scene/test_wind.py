@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from cape import Fabric, Scene, Wind
-from cape.assembly.assemble import air_model, assemble
+from cape.forces.registry import forces_of
+from cape.forces.viscous_air import ViscousAir
 from cape.solvers import Solver
 from tests.support.scenes import Run, both_solvers, grid_cloth
 
@@ -61,8 +62,8 @@ def test_slow_motion_dies_out_in_viscous_air(solver: Solver):
 def test_air_without_viscosity_has_no_skin():
     cloth = grid_cloth(np.linspace(0, 1.0, 3), np.linspace(0, 0.5, 3), FABRIC)
     for viscous in (0.0, 0.025):
-        model = air_model(assemble(Scene(cloth, wind=Wind(viscous=viscous)), []), np.float64)
-        assert (model.skin is None) == (viscous == 0.0)
+        assert (ViscousAir in forces_of(Scene(cloth, wind=Wind(viscous=viscous)))) == (viscous > 0.0)
+    assert ViscousAir not in forces_of(Scene(cloth))
 
 
 @both_solvers
