@@ -281,7 +281,7 @@ def test_memory_is_bounded_and_the_result_the_same(monkeypatch: pytest.MonkeyPat
     corners = random.uniform(-0.3, 0.3, (40, 3, 3))
     take = take_of(corners.reshape(-1, 3), np.arange(120), [Sphere(radius=0.2)])
     whole = penetration(take, spacing=0.01).faces
-    monkeypatch.setattr("cape.penetration.MOST_SAMPLES", 1)
+    monkeypatch.setattr("cape.results.penetration.MOST_SAMPLES", 1)
     assert penetration(take, spacing=0.01).faces.depth == whole.depth
     assert penetration(take, spacing=0.01).faces.index == whole.index
 

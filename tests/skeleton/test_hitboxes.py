@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from motions import quaternions
 from motions.errors import FileError, UnknownNameError, ValueRangeError
-from skeleton import ROBOTS, Capsule, Hitboxes, Skeleton, add_to_geometry_model, hitboxes_of, links, load_hitboxes
+from skeleton import ROBOTS, Capsule, Hitboxes, Skeleton, add_to_geometry_model, hitboxes_of, load_hitboxes
+from skeleton.robot import links
 from skeleton.robot.hitboxes import INSIDE
 from skeleton.robot.link_surfaces import Kind, LinkSurface, geometry_model, link_surfaces
 from skeleton.robot.links import in_neutral_pose

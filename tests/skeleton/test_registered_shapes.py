@@ -532,7 +532,7 @@ def test_a_line_in_the_registry_is_all_that_a_new_shape_needs(tmp_path: Path, mo
     assert as_capsules([SLAB]) == []
 
     strip_take().save(tmp_path / "slab.rrd")
-    from test_record import Recording
+    from tests.record.test_record import Recording
 
     recording = Recording(tmp_path / "slab.rrd")
     (half,) = recording.array("/world/colliders/slab", "Ellipsoids3D:half_sizes", static=True)
