@@ -51,8 +51,14 @@ class Function:
     @property
     def place(self) -> str:
         """Module and name, and those of the formula."""
-        own = f"{self.python.__module__}:{self.python.__name__}"
+        own = f"{self.python.__module__}:{self._path}"
         return own if self.formula is None else f"{own}<{self.formula.place}>"
+
+    @property
+    def _path(self) -> str:
+        """Where it is found in its module; what a loop made goes by the loop's name."""
+        path = self.python.__qualname__
+        return self.__name__ if "<locals>" in path else path
 
     def __repr__(self) -> str:
         """Name it."""
@@ -60,7 +66,7 @@ class Function:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pass it to another process by its name."""
-        return find_function, (self.__module__, self.__name__, self.formula)
+        return find_function, (self.__module__, self._path, self.formula)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it from Python."""
@@ -131,7 +137,9 @@ def loop(make: Callable[[Function], Callable[..., Any]]) -> Loop:
 
 def find_function(module: str, name: str, formula: Function | None = None) -> Function:
     """The function of that name, in another process than the one that asks for it."""
-    found = getattr(importlib.import_module(module), name)
+    found: Any = importlib.import_module(module)
+    for part in name.split("."):
+        found = getattr(found, part)
     if isinstance(found, Loop):
         assert formula is not None
         return found.around(formula)

@@ -55,8 +55,23 @@ class Request(NamedTuple):
     @property
     def file(self) -> str:
         """Name of its object file."""
-        words = (self.function.place, self.kinds, self.spread, sources_of(self.function), *machine())
+        words = (
+            self.function.place,
+            _bytecode(self.function),
+            self.kinds,
+            self.spread,
+            sources_of(self.function),
+            *machine(),
+        )
         return f"{self.function.__name__}-{hashlib.sha256(repr(words).encode()).hexdigest()[:32]}.o"
+
+
+def _bytecode(function: Function) -> tuple[str, ...]:
+    """What tells functions of one name apart that were made in one place, and their formulas."""
+    code = function.python.__code__
+    constants = [constant for constant in code.co_consts if not hasattr(constant, "co_code")]
+    own = (code.co_code.hex(), repr(code.co_names), repr(constants))
+    return own if function.formula is None else (*own, *_bytecode(function.formula))
 
 
 class Piece(NamedTuple):

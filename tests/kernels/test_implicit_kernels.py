@@ -46,11 +46,11 @@ class Linear:
         self.x = bare.assembly.inwards(positions).T.copy()
         self.state = State(*self.x.copy(), *np.zeros((3, self.count)))
         arrays = solver.arrays(bare.assembly)
-        self.matrix, layout = matrix_of(bare.assembly, arrays.forces[Elastic], np.float64)
+        self.matrix, room = matrix_of(bare.assembly, arrays.forces[Elastic], np.float64)
         size = self.matrix.mass.size
         arrays = arrays._replace(
             matrix=self.matrix,
-            layout=layout,
+            layout=room,
             work=arrays.work._replace(terms=np.zeros(size)),
             scratch=(np.zeros((3, size)),),
         )

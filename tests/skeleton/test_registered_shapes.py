@@ -21,7 +21,6 @@ from hypothesis import strategies as st
 
 import cape
 from cape import record
-from cape.assembly.contact import contacts_of
 from cape.report.shown.page import PENETRATION
 from cape.results.penetration import crossings, penetration
 from motions import quaternions
@@ -540,6 +539,8 @@ def test_a_line_in_the_registry_is_all_that_a_new_shape_needs(tmp_path: Path, mo
     (half,) = recording.array("/world/shells/slab", "Ellipsoids3D:half_sizes", static=True)
     np.testing.assert_allclose(half, [[5.0, 5.0, 0.105]], rtol=1e-6)
 
-    scene = cape.Scene(STRIP, [], [SLAB])
-    with pytest.raises(UnknownNameError, match="no kind of contact for the shape named 'slab'; available: capsule, "):
-        contacts_of(scene, STRIP, np.ones(STRIP.vertices, bool))
+    simulation = cape.Simulation(cape.Scene(STRIP.moved(UP), [], [SLAB], thickness=0.01))
+    for _ in range(60):
+        simulation.step({}, 1 / 60)
+    # It has fallen by half a metre and more onto the slab, whose top is at 0.3 m.
+    assert 0.3 < simulation.positions[:, 2].min() < 0.32
