@@ -33,15 +33,17 @@ for _ in range(3):
     simulation.step({"rod": (np.zeros(3), [1.0, 0.0, 0.0, 0.0])}, 1 / 60)
 """
 BOX = """
-[[box]]
+[[solid]]
 name = "seat"
+kind = "box"
 bone = "Hips"
 center = [0.0, -0.1, 0.0]
 half_sizes = [0.15, 0.1, 0.1]
 """
 TAPERED = """
-[[tapered_capsule]]
+[[solid]]
 name = "trunk"
+kind = "tapered_capsule"
 bone = "Hips"
 start = [0.0, 0.0, 0.0]
 end = [0.0, 0.4, 0.0]
