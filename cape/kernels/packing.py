@@ -38,9 +38,7 @@ class GroupKind(NamedTuple):
 
 
 Kind = ArrayKind | GroupKind | str
-"""What a value is: an array, a group, or one of `NUMBERS` and "none"."""
-
-NUMBERS = {"int": np.int64, "float": np.float64, "bool": np.int64, "single": np.float32}
+"""What a value is: an array, a group, or one of "int", "float", "single", "bool" and "none"."""
 
 
 def words_of(kind: Kind) -> int:

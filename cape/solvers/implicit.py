@@ -272,14 +272,9 @@ class ImplicitSolver(Solver):
 
     def _end(self, thread: Thread, linker: Linker, earlier: Array | None) -> list[Use]:
         """Move out what a step leaves deeper than contact forces should, or on a fast limb's other side."""
-        penalty = running_penalty(thread)
-        force = None if penalty is None else penalty.force
+        arrays: ImplicitArrays = thread.running.arrays
+        force = None if arrays.penalty is None else arrays.penalty.force
         return end_substep(thread, linker, pressing=False, earlier=earlier, share=GUARD, force=force)
-
-
-def running_penalty(thread: Thread) -> Penalty | None:
-    """Contact forces of a run; None without colliders."""
-    return thread.running.arrays.penalty
 
 
 @dataclass(frozen=True, kw_only=True)

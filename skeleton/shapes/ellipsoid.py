@@ -41,6 +41,8 @@ ARRIVED = 1e-9
 """Relative change in a step of it below which it has converged: what is then left is about the square of it."""
 LEAST = 1e-300
 """Stands in for a divisor of 0 below a dividend of 0."""
+NARROW = 1e-6
+"""Divisors below it have lost digits: the foot on the shortest axis is then what the others leave of 1."""
 HALVINGS = 64
 """Of the interval in the logarithm of u that `Ellipsoid.distances` searches."""
 
@@ -153,7 +155,9 @@ class Ellipsoid(Bounded):
         foot = scaled / (low[:, None] + past)
         foot[:, 0] = np.where(low <= LEAST, 0.0, foot[:, 0])
         others = (foot[:, 1:] ** 2).sum(axis=1)
-        foot[:, 0] = np.where(others < 1.0, np.sqrt(np.maximum(1.0 - others, 0.0)), foot[:, 0])
+        # Close to that plane from within, where the quotient has lost its digits; beside it the root would lose them.
+        lost = (low < NARROW) & (others < 1.0)
+        foot[:, 0] = np.where(lost, np.sqrt(np.maximum(1.0 - others, 0.0)), foot[:, 0])
         inside = ((own / radii) ** 2).sum(axis=1) < 1.0
         return np.where(inside, -1.0, 1.0) * lengths(own - foot * radii)
 

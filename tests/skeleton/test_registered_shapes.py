@@ -356,9 +356,7 @@ def test_the_outline_lies_on_the_surface(word: str, data: st.DataObject):
         assert signed_distance(solid, middle[None])[0] < 0.0
     if isinstance(outline, EllipsoidOutline):
         tips = quaternions.rotate(outline.rotation_wxyz, np.diag(outline.half_sizes)) + outline.center
-        # Where the surface is met on its shortest axis is the root of what rounding leaves of 1, a few 2^-53.
-        tolerance = 10 * ROUNDING + math.sqrt(16 * 2.0**-53) * float(outline.half_sizes.max())
-        np.testing.assert_allclose(signed_distance(solid, tips), 0.0, atol=tolerance)
+        np.testing.assert_allclose(signed_distance(solid, tips), 0.0, atol=10 * ROUNDING)
 
 
 @every_word
