@@ -26,12 +26,12 @@ MACHINE = _SAME.get(platform.machine().lower(), platform.machine().lower())
 
 def assembly(function: Function, kinds: Sequence[Any]) -> str:
     """Assembly of a function with all that it calls, compiled anew for arguments of some kinds, or numba types."""
-    from cape.kernels import compiler
+    from cape.kernels.compiler import kinds as numba_kinds
+    from cape.kernels.compiler import library
 
     anew = Function(function.python, noalias=function.noalias, inline=function.inline, formula=function.formula)
-    types = tuple(compiler.type_of(kind) if isinstance(kind, (str, ArrayKind, GroupKind)) else kind for kind in kinds)
-    module = compiler._made(anew, types).library.link_and_optimise()
-    return compiler._target.codegen()._tm.emit_assembly(module)
+    types = tuple(numba_kinds.type_of(kind) if isinstance(kind, (str, ArrayKind, GroupKind)) else kind for kind in kinds)
+    return library.machine().emit_assembly(library.made(anew, types).library.link_and_optimise())
 
 
 def assembly_of_unit(unit: Function, group: Any) -> str:
