@@ -26,11 +26,11 @@ MACHINE = _SAME.get(platform.machine().lower(), platform.machine().lower())
 
 def assembly(function: Function, kinds: Sequence[Any]) -> str:
     """Assembly of a function with all that it calls, compiled anew for arguments of some kinds, or numba types."""
-    from cape.kernels.compiler import kinds as numba_kinds
     from cape.kernels.compiler import library
+    from cape.kernels.compiler.kinds import type_of
 
     anew = Function(function.python, noalias=function.noalias, inline=function.inline, formula=function.formula)
-    types = tuple(numba_kinds.type_of(kind) if isinstance(kind, (str, ArrayKind, GroupKind)) else kind for kind in kinds)
+    types = tuple(type_of(kind) if isinstance(kind, (str, ArrayKind, GroupKind)) else kind for kind in kinds)
     return library.machine().emit_assembly(library.made(anew, types).library.link_and_optimise())
 
 

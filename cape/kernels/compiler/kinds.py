@@ -10,6 +10,7 @@ from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, lower_getattr_generic, models, register_model, typeof_impl
 from numba.np.numpy_support import from_dtype
 
+from cape.kernels.compiler.arrays import WORD, array_of
 from cape.kernels.jit import Function, Intrinsic
 from cape.kernels.packing import ArrayKind, GroupKind, Kind, dtype_of, words_of
 
@@ -20,8 +21,6 @@ NUMBERS: dict[str, types.Type] = {
     "bool": types.boolean,
     "none": types.none,
 }
-
-WORD = ir.IntType(64)
 
 
 class GroupType(types.Type):
@@ -85,28 +84,13 @@ def _read_field(context, builder, group, table, name):
 
 
 def _read_array(context, builder, kind, table, word):
-    """An array as numba has it, a struct, but for what counts references."""
-    array = context.get_value_type(kind)(None)  # all zeros
     model = context.data_model_manager[kind]
-    itemsize = WORD(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+    pointer = context.get_value_type(model.get_type("data"))
     shape = [_read_word(builder, table, word + 1 + axis) for axis in range(kind.ndim)]
-    if kind.layout == "C":
-        strides = [itemsize]
-        for length in reversed(shape[1:]):
-            strides.insert(0, builder.mul(strides[0], length, flags=["nsw"]))
-    else:
+    strides = None
+    if kind.layout != "C":
         strides = [_read_word(builder, table, word + 1 + kind.ndim + axis) for axis in range(kind.ndim)]
-    size = shape[0] if shape else WORD(1)
-    for length in shape[1:]:
-        size = builder.mul(size, length, flags=["nsw"])
-    place = model.get_field_position("data")
-    data = builder.inttoptr(_read_word(builder, table, word), array.type.elements[place])
-    for name, value in (("data", data), ("itemsize", itemsize), ("nitems", size)):
-        array = builder.insert_value(array, value, model.get_field_position(name))
-    for name, values in (("shape", shape), ("strides", strides)):
-        for axis, value in enumerate(values):
-            array = builder.insert_value(array, value, [model.get_field_position(name), axis])
-    return array
+    return array_of(context, builder, kind, builder.inttoptr(_read_word(builder, table, word), pointer), shape, strides)
 
 
 def _read_word(builder, table, word):

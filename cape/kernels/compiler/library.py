@@ -23,16 +23,19 @@ _NAMES = {kind: name for name, kind in NUMBERS.items()} | {types.uint64: "unsign
 class Library(codegen.JITCodeLibrary):
     """The code of one function; only with all that it calls, `link_and_optimise`, is it ever used."""
 
-    def add_ir_module(self, ir_module):
+    def add_ir_module(self, ir_module: Any) -> None:
+        """Take in what was lowered."""
         module = llvm.parse_assembly(cgutils.normalize_ir_text(str(ir_module)))
         module.name = ir_module.name
         self._optimize_functions(module)
         self._final_module.link_in(module)
 
-    def finalize(self):
+    def finalize(self) -> None:
+        """There will be no more to take in."""
         self._finalized = True
 
     def link_and_optimise(self) -> llvm.ModuleRef:
+        """The module of this function and of all that it calls."""
         # LLVM leaves out what nothing calls yet, so that who calls must come first.
         for library in list(self._called({}))[-2::-1]:
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)

@@ -9,13 +9,14 @@ allocated, no reference counted, and nothing raises.
 import operator
 from typing import Any
 
-from llvmlite import ir as llvm_ir
 from numba.core import cgutils, ir, lowering, typed_passes, types
+from numba.cpython.builtins import do_minmax
 
-from cape.kernels.compiler.kinds import WORD, FunctionType, IntrinsicType
+from cape.kernels.compiler.arrays import ArrayValue
+from cape.kernels.compiler.kinds import FunctionType, IntrinsicType
 
 _ON_REALS = {operator.add: "fadd", operator.sub: "fsub", operator.mul: "fmul", operator.truediv: "fdiv"}
-_ON_INTEGERS = {operator.add: "add", operator.sub: "sub", operator.mul: "mul", operator.and_: "and_", operator.or_: "or_"}
+_ON_WHOLE = {operator.add: "add", operator.sub: "sub", operator.mul: "mul", operator.and_: "and_", operator.or_: "or_"}
 _COMPARISONS = {
     operator.lt: "<",
     operator.le: "<=",
@@ -24,6 +25,16 @@ _COMPARISONS = {
     operator.eq: "==",
     operator.ne: "!=",
 }
+
+
+def is_least_or_greatest(function: Any, arguments: Any) -> bool:
+    """Tell whether a call is one of `min` or `max` with several numbers."""
+    return (
+        isinstance(function, types.Function)
+        and function.typing_key in (min, max)
+        and len(arguments) > 1
+        and all(isinstance(kind, types.Number) for kind in arguments)
+    )
 
 
 class Lowering(lowering.Lower):
@@ -56,6 +67,10 @@ class Lowering(lowering.Lower):
             self._alloca_var(name, self.typeof(name))
             self.builder.store(value, self.getvar(name))
 
+    def alloca_lltype(self, name, lltype, datamodel=None):
+        """Room on the stack for a variable."""
+        return cgutils.alloca_once(self.builder, lltype, name=name)
+
     def lower_expr(self, resty, expr):
         """Lower an expression, by a short way if there is one."""
         short = None
@@ -67,12 +82,16 @@ class Lowering(lowering.Lower):
 
     def lower_call(self, resty, expr):
         """Lower a call."""
-        kind = self.typeof(expr.func.name)
-        if not isinstance(kind, FunctionType | IntrinsicType):
-            return super().lower_call(resty, expr)
+        kind: Any = self.typeof(expr.func.name)
         signature = self.fndesc.calltypes[expr]
+        choosing = is_least_or_greatest(kind, signature.args)
+        if not (choosing or isinstance(kind, FunctionType | IntrinsicType)):
+            return super().lower_call(resty, expr)
         given = [self._cast_var(variable, to) for variable, to in zip(expr.args, signature.args, strict=True)]
-        if isinstance(kind, IntrinsicType):
+        if choosing:
+            better = operator.lt if kind.typing_key is min else operator.gt
+            result = do_minmax(self.context, self.builder, signature.args, given, better)
+        elif isinstance(kind, IntrinsicType):
             _, generate = kind.made[signature.args]
             result = generate(self.context, self.builder, signature, given)
         else:
@@ -93,12 +112,12 @@ class Lowering(lowering.Lower):
     def _lower_arithmetic(self, resty, expr):
         """An operation on two numbers of one type, or None."""
         signature = self.fndesc.calltypes[expr]
-        kind, other = signature.args
+        kind: Any = signature.args[0]
         operation = expr.immutable_fn if expr.op == "inplace_binop" else expr.fn
-        if kind != other or not isinstance(kind, types.Float | types.Integer):
+        if kind != signature.args[1] or not isinstance(kind, types.Float | types.Integer):
             return None
         real = isinstance(kind, types.Float)
-        emit = getattr(self.builder, (_ON_REALS if real else _ON_INTEGERS).get(operation, "none"), None)
+        emit = getattr(self.builder, (_ON_REALS if real else _ON_WHOLE).get(operation, "none"), None)
         sign = _COMPARISONS.get(operation)
         if emit is None and sign is None:
             return None
@@ -114,74 +133,48 @@ class Lowering(lowering.Lower):
         return self.context.cast(self.builder, result, signature.return_type, resty)
 
     def _lower_read(self, resty, expr):
-        """An element of an array, or None."""
-        index = expr.index if expr.op == "getitem" else expr.index_var
-        place = self._place(expr.value, index)
-        if place is None:
+        """An element or a view of an array, or None."""
+        array, axes, chosen = self._chosen(expr.value, expr.index if expr.op == "getitem" else expr.index_var)
+        if array is None:
             return None
-        array = self.typeof(expr.value.name)
-        align = None if array.aligned else 1
-        value = self.context.unpack_value(self.builder, array.dtype, place, align=align)
-        return self.context.cast(self.builder, value, array.dtype, resty)
+        if isinstance(resty, types.Array):
+            return array.view(axes, chosen, resty)
+        place = array.element(axes, chosen)
+        value = self.context.unpack_value(self.builder, array.kind.dtype, place, align=_alignment(array.kind))
+        return self.context.cast(self.builder, value, array.kind.dtype, resty)
 
     def _lower_write(self, inst):
         """Write an element of an array; tell whether it is one."""
-        index = inst.index if isinstance(inst, ir.SetItem) else inst.index_var
-        value = self.typeof(inst.value.name)
-        if not isinstance(value, types.Number | types.Boolean):
+        array, axes, chosen = self._chosen(inst.target, inst.index if isinstance(inst, ir.SetItem) else inst.index_var)
+        number = isinstance(self.typeof(inst.value.name), types.Number | types.Boolean)
+        if array is None or not number or len(axes) < array.kind.ndim or any(map(_is_stretch, axes)):
             return False
-        place = self._place(inst.target, index)
-        if place is None:
-            return False
-        array = self.typeof(inst.target.name)
-        align = None if array.aligned else 1
-        self.context.pack_value(self.builder, array.dtype, self._cast_var(inst.value, array.dtype), place, align=align)
+        kind = array.kind.dtype
+        value = self._cast_var(inst.value, kind)
+        self.context.pack_value(self.builder, kind, value, array.element(axes, chosen), align=_alignment(array.kind))
         return True
 
-    def _place(self, array, index) -> Any:
-        """Where an element of an array is, or None if it is not one that the index names."""
-        if index is None:
-            return None
-        kind, chosen = self.typeof(array.name), self.typeof(index.name)
-        axes = tuple(chosen) if isinstance(chosen, types.BaseTuple) else (chosen,)
-        if (
-            not isinstance(kind, types.Array)
-            or kind.layout not in "CA"
-            or len(axes) != kind.ndim
-            or not all(isinstance(axis, types.Integer) for axis in axes)
-        ):
-            return None
-        builder, value, numbers = self.builder, self.loadvar(array.name), self.loadvar(index.name)
-        model = self.context.data_model_manager[kind]
+    def _chosen(self, array, index) -> tuple[ArrayValue | None, tuple[types.Type, ...], list[Any]]:
+        """An array, and kind and value of each index; no array where there is another kind of index."""
+        kind = self.typeof(array.name)
+        if index is None or not isinstance(kind, types.Array) or kind.layout not in "CA":
+            return None, (), []
+        chosen: Any = self.typeof(index.name)
+        several = isinstance(chosen, types.BaseTuple)
+        axes = tuple(chosen) if several else (chosen,)
+        if len(axes) > kind.ndim or not all(isinstance(axis, types.Integer) or _is_stretch(axis) for axis in axes):
+            return None, (), []
+        value = self.loadvar(index.name)
+        values = [self.builder.extract_value(value, k) for k in range(len(axes))] if several else [value]
+        return ArrayValue(self.context, self.builder, kind, self.loadvar(array.name)), axes, values
 
-        def field(name: str, axis: int | None = None) -> Any:
-            at = model.get_field_position(name)
-            return builder.extract_value(value, at if axis is None else [at, axis])
 
-        offset = None
-        for axis, number_kind in enumerate(axes):
-            number = builder.extract_value(numbers, axis) if isinstance(chosen, types.BaseTuple) else numbers
-            number = self._from_end(number, number_kind, lambda axis=axis: field("shape", axis))
-            if kind.layout == "A":
-                number = builder.mul(number, field("strides", axis))
-            elif offset is not None:
-                offset = builder.mul(offset, field("shape", axis))
-            offset = number if offset is None else builder.add(offset, number)
-        data = field("data")
-        if kind.layout == "A":
-            return cgutils.pointer_add(builder, data, offset)
-        return builder.gep(data, [offset], inbounds=True)
+def _is_stretch(kind: types.Type) -> bool:
+    return isinstance(kind, types.SliceType) and not kind.has_step
 
-    def _from_end(self, number, kind, length):
-        """An index as Python means it: below zero from the end."""
-        literal = getattr(kind, "literal_value", None)
-        number = self.context.cast(self.builder, number, types.unliteral(kind), types.int64 if kind.signed else types.uint64)
-        if not kind.signed or (literal is not None and literal >= 0):
-            return number
-        if isinstance(number, llvm_ir.Constant):
-            return number if number.constant >= 0 else self.builder.add(number, length())
-        below = self.builder.icmp_signed("<", number, WORD(0))
-        return self.builder.select(below, self.builder.add(number, length()), number)
+
+def _alignment(kind: types.Array) -> int | None:
+    return None if kind.aligned else 1
 
 
 class NativeLowering(typed_passes.NativeLowering):

@@ -12,10 +12,10 @@ from numba.core.analysis import dead_branch_prune, rewrite_semantic_constants
 from numba.core.ir_utils import build_definitions
 from numba.core.registry import cpu_target
 from numba.core.rewrites.registry import rewrite_registry
-from numba.core.typing import signature
+from numba.core.typing.templates import signature
 
 from cape.kernels.compiler.kinds import FunctionType, IntrinsicType
-from cape.kernels.compiler.lowering import NativeLowering
+from cape.kernels.compiler.lowering import NativeLowering, is_least_or_greatest
 
 _Target: Any = type(cpu_target.target_context)
 
@@ -27,10 +27,12 @@ class Target(_Target):
         """There is nothing new."""
 
 
-cpu_target.typing_context.refresh()
-cpu_target.target_context.refresh()
+_context: Any = cpu_target.typing_context
+_numbas: Any = cpu_target.target_context
+_context.refresh()
+_numbas.refresh()
 target: Any = Target.__new__(Target)
-target.__dict__ = cpu_target.target_context.__dict__
+target.__dict__ = _numbas.__dict__
 
 
 class Typing:
@@ -38,11 +40,11 @@ class Typing:
 
     def __init__(self, lower: Callable[[Any, tuple[types.Type, ...]], Any]) -> None:
         """Hold what lowers a function for arguments of some types."""
-        self._context, self._lower, self._known = cpu_target.typing_context, lower, {}
+        self._lower, self._known = lower, {}
 
     def __getattr__(self, name: str) -> Any:
         """All else is numba's."""
-        return getattr(self._context, name)
+        return getattr(_context, name)
 
     def refresh(self) -> None:
         """There is nothing new."""
@@ -56,11 +58,13 @@ class Typing:
                 return function.define(self, plain)
             return self._lower(function.function, plain).signature
         if keywords:
-            return self._context.resolve_function_type(function, arguments, keywords)
+            return _context.resolve_function_type(function, arguments, keywords)
+        if is_least_or_greatest(function, arguments):
+            return signature(_context.unify_types(*arguments), *map(types.unliteral, arguments))
         key = function, tuple(arguments)
         known = self._known.get(key)
         if known is None:
-            known = self._known[key] = self._context.resolve_function_type(function, arguments, keywords)
+            known = self._known[key] = _context.resolve_function_type(function, arguments, keywords)
         return known
 
 
