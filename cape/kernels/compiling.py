@@ -1,19 +1,21 @@
-"""Compiling several pieces on all cores: in helpers, each of which takes the largest piece that is left.
+"""Compiling several pieces on all cores: in helpers, each of which takes the piece that suits it best of what is left.
 
-Each piece is claimed by who makes a file of its name first. Helpers are new processes, as numba compiles on one thread
-of a process at a time; they hand over what they made in the folder of compiled code. This process compiles along where
-numba is loaded already, or where there is no such folder, and what no helper could make.
+Each piece is claimed by who makes a file of its name first. Helpers are processes of their own, as numba compiles on
+one thread of a process at a time; they hand over what they made in the folder of compiled code. This process compiles
+along where numba is loaded already, or where there is no such folder, and what no helper could make.
 """
 
 import contextlib
 import logging
 import os
 import pickle
+import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from pathlib import Path
 
 from cape.kernels import store
@@ -22,7 +24,7 @@ from cape.kernels.store import Request
 
 log = logging.getLogger("cape.compiling")
 
-WORTH = 3  # pieces for each helper at least: one takes a second to start
+WORTH = 3  # pieces for each helper at least: the first takes a second to start, and what they share each compiles
 
 POLLED = 0.02  # s between looks at how far helpers are
 
@@ -37,7 +39,6 @@ At the end, when all are there, it is called once more with no name.
 
 def compile_all(requests: Sequence[Request]) -> None:
     """Compile all requests."""
-    requests = sorted(requests, key=lambda request: -_extent(request.function, set()))
     with tempfile.TemporaryDirectory(prefix="cape-") as name:
         claims = Path(name)
         begun = _Begun(requests, claims)
@@ -52,8 +53,7 @@ def compile_all(requests: Sequence[Request]) -> None:
             begun.look()
         finally:
             for helper in helpers:
-                helper.kill()
-                helper.wait()
+                _end(helper)
     # What no helper could make.
     for request in store.missing(requests):
         store.make(request)
@@ -79,25 +79,57 @@ class _Begun:
 
 
 def _work(requests: Sequence[Request], claims: Path, begun: _Begun | None = None) -> None:
-    for request in requests:
-        done = len(os.listdir(claims))
+    mine: set[str] = set()
+    while True:
+        claimed = set(os.listdir(claims))
+        left = [request for request in requests if request.file not in claimed]
+        if not left:
+            return
+        own = _functions(request for request in requests if request.file in mine)
+        others = _functions(request for request in requests if request.file in claimed - mine) - own
+        request = max(left, key=lambda request: _fit(request, own, others))
         if not _claim(claims, request):
             continue
+        mine.add(request.file)
         if begun is not None:
             begun.look()
-        log.info("compiling %s, %d of %d", request.name, done + 1, len(requests))
+        log.info("compiling %s, %d of %d", request.name, len(claimed) + 1, len(requests))
         store.make(request)
 
 
-def _extent(function: Function, known: set[Function]) -> int:
-    """How long compiling takes, roughly: the length of the bytecode of a function and of all that it calls."""
-    if function in known:
-        return 0
-    known.add(function)
-    python = function.python
-    called = [python.__globals__.get(name) for name in python.__code__.co_names]
-    called += [cell.cell_contents for cell in python.__closure__ or ()]
-    return len(python.__code__.co_code) + sum(_extent(each, known) for each in called if isinstance(each, Function))
+def _fit(request: Request, own: frozenset[Function], others: frozenset[Function]) -> tuple[int, int]:
+    """How well a piece suits who has compiled some functions, while others do others; then, how large it is.
+
+    What pieces share is compiled once by each process, so that pieces which share much belong together.
+    """
+    needed = _needed(request.function)
+    return _length(needed & own) - _length(needed & others), _length(needed)
+
+
+def _functions(requests: Iterable[Request]) -> frozenset[Function]:
+    return frozenset[Function]().union(*(_needed(request.function) for request in requests))
+
+
+@cache
+def _needed(function: Function) -> frozenset[Function]:
+    """A function and all that it calls."""
+    known: set[Function] = set()
+    waiting = [function]
+    while waiting:
+        function = waiting.pop()
+        if function in known:
+            continue
+        known.add(function)
+        code = function.python.__code__
+        called = [function.python.__globals__.get(name) for name in code.co_names]
+        called += [cell.cell_contents for cell in function.python.__closure__ or ()]
+        waiting += [each for each in called if isinstance(each, Function)]
+    return frozenset(known)
+
+
+def _length(functions: Iterable[Function]) -> int:
+    """How long compiling takes, roughly: the length of the bytecode."""
+    return sum(len(function.python.__code__.co_code) for function in functions)
 
 
 def _claim(claims: Path, request: Request) -> bool:
@@ -113,16 +145,22 @@ def _cores() -> int:
 
 
 def _start_helpers(requests: Sequence[Request], claims: Path, *, count: int) -> list["subprocess.Popen[bytes]"]:
-    if store.folder() is None or not sys.executable:
+    """Start so many processes that help; where processes can be forked the first one forks the others."""
+    count = min(count, len(requests) // WORTH)
+    if count < 1 or store.folder() is None or not sys.executable:
         return []
+    forks = hasattr(os, "fork")
+    command = [sys.executable, "-c", _HELPER, str(claims), str(count if forks else 1), str(store.ROOT)]
     helpers = []
-    for _ in range(min(count, len(requests) // WORTH)):
+    for _ in range(1 if forks else count):
         with contextlib.suppress(OSError):
             helper = subprocess.Popen(
-                [sys.executable, "-c", _HELPER, str(claims), str(store.ROOT), *filter(None, sys.path)],
+                [*command, *filter(None, sys.path)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,  # what goes wrong there is done again here, and told
+                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # a process with threads is not forked well
+                start_new_session=forks,
             )
             assert helper.stdin is not None
             with contextlib.suppress(BrokenPipeError):
@@ -132,25 +170,46 @@ def _start_helpers(requests: Sequence[Request], claims: Path, *, count: int) -> 
     return helpers
 
 
+def _end(helper: "subprocess.Popen[bytes]") -> None:
+    """End a helper, and those that it has forked."""
+    with contextlib.suppress(ProcessLookupError):
+        if hasattr(os, "killpg"):
+            os.killpg(helper.pid, signal.SIGKILL)
+        else:
+            helper.kill()
+    helper.wait()
+
+
 # Packages stand for themselves without what they export, and scipy, which numba looks for to multiply matrices, is not
 # found: a helper needs neither, and starts in half the time.
 _HELPER = """
 import sys, types
-claims, root = sys.argv[1:3]
-sys.path[:] = sys.argv[3:]
+claims, count, root = sys.argv[1:4]
+sys.path[:] = sys.argv[4:]
 sys.modules["scipy"] = None
 for name in ("cape", "skeleton"):
     package = sys.modules[name] = types.ModuleType(name)
     package.__path__ = [f"{root}/{name}"]
 from cape.kernels import compiling
-compiling.help_out(claims)
+compiling.help_out(claims, int(count))
 """
 
 
-def help_out(claims: str) -> None:
-    """Compile what the process that started this one wants, as far as it can be found from here."""
+def help_out(claims: str, count: int) -> None:
+    """Compile what the process that started this one wants, as far as it can be found from here, in `count` forks."""
+    from cape.kernels import compiler  # noqa: F401  (once, before forking)
+
     requests = []
     for text in pickle.load(sys.stdin.buffer):  # from that process
         with contextlib.suppress(Exception):
             requests.append(pickle.loads(text))
+    forked = []
+    for _ in range(count - 1):
+        child = os.fork()
+        if child == 0:
+            forked = []
+            break
+        forked.append(child)
     _work(requests, Path(claims))
+    for child in forked:
+        os.waitpid(child, 0)

@@ -43,10 +43,10 @@ import json, sys, time
 from cape.kernels import compiling, store
 from tests.kernels import test_compiling as test
 how, told, started = sys.argv[1], [], []
-compiling._cores = lambda: {"alone": 0, "together": 2}.get(how, 1)
+compiling._cores = lambda: {"alone": 0, "forked": 2, "together": 2}.get(how, 1)
 if how == "together":
     import numba
-elif how not in ("alone", "helper"):
+elif how not in ("alone", "helper", "forked"):
     sys.executable = how
 def listen(name, done, count):
     told.append((name, done, count))
@@ -81,7 +81,7 @@ class Seen(NamedTuple):
 
 
 def run(how: str, folder: Path) -> Seen:
-    """Compile all requests into a folder: alone, by a helper, together with one, or with the file named as helper."""
+    """Compile all requests into a folder: alone, by a helper, by two, together with one, or with the file named as one."""
     seen = Seen(**json.loads(python(SCRIPT, how, NUMBA_CACHE_DIR=str(folder))))
     assert seen.missing == 0
     assert seen.results == [5, 3.5, 6, 1.5, 8, 0.125]
@@ -98,20 +98,20 @@ def pieces(folder: Path) -> dict[str, store.Piece]:
 
 
 def test_whoever_compiles_all_is_there_and_the_same(tmp_path: Path):
-    seen = {how: run(how, tmp_path / how) for how in ("alone", "helper", "together")}
-    alone, helper, together = seen.values()
+    seen = {how: run(how, tmp_path / how) for how in ("alone", "helper", "forked", "together")}
+    alone, helper, forked, together = seen.values()
     assert alone.ended == []
-    assert helper.ended == together.ended == [0]
-    # With nothing of numba loaded this process leaves all to the helper; else it takes its share.
-    assert (alone.ours, helper.ours) == (len(REQUESTS), 0)
+    assert helper.ended == forked.ended == together.ended == [0]
+    # With nothing of numba loaded this process leaves all to the helpers; else it takes its share.
+    assert (alone.ours, helper.ours, forked.ours) == (len(REQUESTS), 0, 0)
     assert 0 < together.ours < len(REQUESTS)
     assert alone.numba
     assert not helper.numba
-    for one in (alone, helper, together):
+    for one in seen.values():
         assert sorted(name for name, _, _ in one.told[:-1]) == sorted(request.name for request in REQUESTS)
     made = {how: pieces(tmp_path / how) for how in seen}
     requests = {request.file for request in REQUESTS}
-    for how in ("helper", "together"):
+    for how in ("helper", "forked", "together"):
         for name in requests:
             # But for the numbers in the symbols' names, which tell how many were made before in the same process.
             assert made[how][name].returns == made["alone"][name].returns

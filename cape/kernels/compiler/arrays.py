@@ -27,6 +27,10 @@ class ArrayValue:
         place = self._model.get_field_position(name)
         return self.builder.extract_value(self.value, place if axis is None else [place, axis])
 
+    def is_element(self, axes: Sequence[types.Type]) -> bool:
+        """Tell whether indices of some kinds name an element, rather than a part of the array."""
+        return len(axes) == self.kind.ndim and not any(map(is_stretch, axes))
+
     def element(self, axes: Sequence[types.Type], chosen: Sequence[Any]) -> Any:
         """Where the element is that an integer for each axis names."""
         builder, offset = self.builder, None
@@ -51,7 +55,7 @@ class ArrayValue:
                 shape.append(self.field("shape", axis))
                 strides.append(stride)
                 continue
-            if isinstance(axes[axis], types.SliceType):
+            if is_stretch(axes[axis]):
                 start, length = self._stretch(axes[axis], chosen[axis], axis)
                 shape.append(length)
                 strides.append(stride)
@@ -88,6 +92,11 @@ class ArrayValue:
         start, stop = bound("start"), bound("stop")
         some = builder.icmp_signed("<", start, stop)
         return start, builder.select(some, builder.sub(stop, start), WORD(0))
+
+
+def is_stretch(kind: types.Type) -> bool:
+    """Tell whether an index is a slice without a step."""
+    return isinstance(kind, types.SliceType) and not kind.has_step
 
 
 def array_of(

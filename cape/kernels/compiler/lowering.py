@@ -12,7 +12,7 @@ from typing import Any
 from numba.core import cgutils, ir, lowering, typed_passes, types
 from numba.cpython.builtins import do_minmax
 
-from cape.kernels.compiler.arrays import ArrayValue
+from cape.kernels.compiler.arrays import ArrayValue, is_stretch
 from cape.kernels.compiler.kinds import FunctionType, IntrinsicType
 
 _ON_REALS = {operator.add: "fadd", operator.sub: "fsub", operator.mul: "fmul", operator.truediv: "fdiv"}
@@ -27,14 +27,13 @@ _COMPARISONS = {
 }
 
 
-def is_least_or_greatest(function: Any, arguments: Any) -> bool:
-    """Tell whether a call is one of `min` or `max` with several numbers."""
-    return (
-        isinstance(function, types.Function)
-        and function.typing_key in (min, max)
-        and len(arguments) > 1
-        and all(isinstance(kind, types.Number) for kind in arguments)
-    )
+def comparison_of(function: Any, arguments: Any) -> Any:
+    """What tells that a number is to be chosen before another, in a call of `min` or `max` with several, else None."""
+    if isinstance(function, types.Function) and len(arguments) > 1:
+        compare = {min: operator.lt, max: operator.gt}.get(getattr(function, "typing_key", None))
+        if compare is not None and all(isinstance(kind, types.Number) for kind in arguments):
+            return compare
+    return None
 
 
 class Lowering(lowering.Lower):
@@ -84,13 +83,12 @@ class Lowering(lowering.Lower):
         """Lower a call."""
         kind: Any = self.typeof(expr.func.name)
         signature = self.fndesc.calltypes[expr]
-        choosing = is_least_or_greatest(kind, signature.args)
-        if not (choosing or isinstance(kind, FunctionType | IntrinsicType)):
+        compare = comparison_of(kind, signature.args)
+        if compare is None and not isinstance(kind, FunctionType | IntrinsicType):
             return super().lower_call(resty, expr)
         given = [self._cast_var(variable, to) for variable, to in zip(expr.args, signature.args, strict=True)]
-        if choosing:
-            better = operator.lt if kind.typing_key is min else operator.gt
-            result = do_minmax(self.context, self.builder, signature.args, given, better)
+        if compare is not None:
+            result = do_minmax(self.context, self.builder, signature.args, given, compare)
         elif isinstance(kind, IntrinsicType):
             _, generate = kind.made[signature.args]
             result = generate(self.context, self.builder, signature, given)
@@ -113,10 +111,10 @@ class Lowering(lowering.Lower):
         """An operation on two numbers of one type, or None."""
         signature = self.fndesc.calltypes[expr]
         kind: Any = signature.args[0]
-        operation = expr.immutable_fn if expr.op == "inplace_binop" else expr.fn
+        operation: Any = expr.immutable_fn if expr.op == "inplace_binop" else expr.fn
         if kind != signature.args[1] or not isinstance(kind, types.Float | types.Integer):
             return None
-        real = isinstance(kind, types.Float)
+        real, signed = isinstance(kind, types.Float), getattr(kind, "signed", True)
         emit = getattr(self.builder, (_ON_REALS if real else _ON_WHOLE).get(operation, "none"), None)
         sign = _COMPARISONS.get(operation)
         if emit is None and sign is None:
@@ -125,7 +123,7 @@ class Lowering(lowering.Lower):
         if emit is not None:
             result = emit(left, right)
         elif not real:
-            compare = self.builder.icmp_signed if kind.signed else self.builder.icmp_unsigned
+            compare = self.builder.icmp_signed if signed else self.builder.icmp_unsigned
             result = compare(sign, left, right)
         else:
             compare = self.builder.fcmp_unordered if sign == "!=" else self.builder.fcmp_ordered
@@ -137,17 +135,19 @@ class Lowering(lowering.Lower):
         array, axes, chosen = self._chosen(expr.value, expr.index if expr.op == "getitem" else expr.index_var)
         if array is None:
             return None
-        if isinstance(resty, types.Array):
-            return array.view(axes, chosen, resty)
-        place = array.element(axes, chosen)
-        value = self.context.unpack_value(self.builder, array.kind.dtype, place, align=_alignment(array.kind))
-        return self.context.cast(self.builder, value, array.kind.dtype, resty)
+        if array.is_element(axes):
+            kind, place = array.kind.dtype, array.element(axes, chosen)
+            value = self.context.unpack_value(self.builder, kind, place, align=_alignment(array.kind))
+        else:
+            kind = self.fndesc.calltypes[expr].return_type
+            value = array.view(axes, chosen, kind)
+        return self.context.cast(self.builder, value, kind, resty)
 
     def _lower_write(self, inst):
         """Write an element of an array; tell whether it is one."""
         array, axes, chosen = self._chosen(inst.target, inst.index if isinstance(inst, ir.SetItem) else inst.index_var)
         number = isinstance(self.typeof(inst.value.name), types.Number | types.Boolean)
-        if array is None or not number or len(axes) < array.kind.ndim or any(map(_is_stretch, axes)):
+        if array is None or not number or not array.is_element(axes):
             return False
         kind = array.kind.dtype
         value = self._cast_var(inst.value, kind)
@@ -159,18 +159,14 @@ class Lowering(lowering.Lower):
         kind = self.typeof(array.name)
         if index is None or not isinstance(kind, types.Array) or kind.layout not in "CA":
             return None, (), []
-        chosen: Any = self.typeof(index.name)
+        chosen = self.typeof(index.name)
         several = isinstance(chosen, types.BaseTuple)
-        axes = tuple(chosen) if several else (chosen,)
-        if len(axes) > kind.ndim or not all(isinstance(axis, types.Integer) or _is_stretch(axis) for axis in axes):
+        axes: Any = chosen if several else (chosen,)
+        if len(axes) > kind.ndim or not all(isinstance(axis, types.Integer) or is_stretch(axis) for axis in axes):
             return None, (), []
         value = self.loadvar(index.name)
         values = [self.builder.extract_value(value, k) for k in range(len(axes))] if several else [value]
         return ArrayValue(self.context, self.builder, kind, self.loadvar(array.name)), axes, values
-
-
-def _is_stretch(kind: types.Type) -> bool:
-    return isinstance(kind, types.SliceType) and not kind.has_step
 
 
 def _alignment(kind: types.Array) -> int | None:

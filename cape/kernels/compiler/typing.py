@@ -15,7 +15,7 @@ from numba.core.rewrites.registry import rewrite_registry
 from numba.core.typing.templates import signature
 
 from cape.kernels.compiler.kinds import FunctionType, IntrinsicType
-from cape.kernels.compiler.lowering import NativeLowering, is_least_or_greatest
+from cape.kernels.compiler.lowering import NativeLowering, comparison_of
 
 _Target: Any = type(cpu_target.target_context)
 
@@ -59,7 +59,7 @@ class Typing:
             return self._lower(function.function, plain).signature
         if keywords:
             return _context.resolve_function_type(function, arguments, keywords)
-        if is_least_or_greatest(function, arguments):
+        if comparison_of(function, arguments) is not None:
             return signature(_context.unify_types(*arguments), *map(types.unliteral, arguments))
         key = function, tuple(arguments)
         known = self._known.get(key)
