@@ -8,7 +8,7 @@ import pytest
 from hypothesis import settings
 
 # The same examples in every run; `--hypothesis-profile search` looks for new ones.
-settings.register_profile("repeat", derandomize=True)
+settings.register_profile("repeat", derandomize=True, deadline=None)
 settings.register_profile("search", max_examples=1000, deadline=None)
 settings.load_profile("repeat")
 

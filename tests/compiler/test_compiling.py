@@ -41,7 +41,7 @@ REQUESTS = [Request(f, (a, b)) for f in (add, multiply, power) for a, b in zip(K
 SCRIPT = """
 import json, sys, time
 from cape.kernels import compiling, store
-from tests.kernels import test_compiling as test
+from tests.compiler import test_compiling as test
 how, told, started = sys.argv[1], [], []
 compiling._cores = lambda: {"alone": 0, "forked": 2, "together": 2}.get(how, 1)
 if how == "together":
@@ -81,7 +81,7 @@ class Seen(NamedTuple):
 
 
 def run(how: str, folder: Path) -> Seen:
-    """Compile all requests into a folder: alone, by a helper, by two, together with one, or with the file named as one."""
+    """Compile all into a folder: alone, by one helper or two, together with one, or by the file that is named."""
     seen = Seen(**json.loads(python(SCRIPT, how, NUMBA_CACHE_DIR=str(folder))))
     assert seen.missing == 0
     assert seen.results == [5, 3.5, 6, 1.5, 8, 0.125]

@@ -175,7 +175,7 @@ SCRIPT = """
 import json, sys
 import numpy as np
 from cape.kernels import store
-from tests.kernels.test_store import scaled, summed
+from tests.compiler.test_store import scaled, summed
 values = np.arange(5.0)
 scaled(values, 3.0)
 print(json.dumps({
@@ -239,7 +239,7 @@ log.propagate = False
 {before}
 import numpy as np
 from cape.kernels import store
-from tests.kernels.test_store import scaled, summed
+from tests.compiler.test_store import scaled, summed
 values = np.arange(5.0)
 scaled(values, 3.0)
 print(summed(values), summed(np.arange(4)))

@@ -1,0 +1,1 @@
+"""Tests of the compiler, and of what is kept of its work."""

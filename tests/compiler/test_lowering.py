@@ -1,0 +1,266 @@
+"""What is lowered by short ways does what Python does. The functions run compiled, and as they are written."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from cape.kernels.jit import Function, inlined, routine
+from tests.support.code import compiled_only
+
+pytestmark = compiled_only
+
+NUMBER = st.floats(width=64)
+SINGLE = st.floats(width=32)
+WHOLE = st.integers(-(2**31), 2**31 - 1)
+
+
+@routine
+def sums(a, b):
+    return a + b, a - b, a * b
+
+
+@routine
+def quotient(a, b):
+    return a / b
+
+
+@routine
+def bits(a, b):
+    return a & b, a | b
+
+
+@routine
+def order(a, b):
+    return a < b, a <= b, a > b, a >= b, a == b, a != b
+
+
+@routine
+def least_and_greatest(a, b, c):
+    return min(a, b), max(a, b), min(a, b, c), max(a, b, c)
+
+
+def same(found: Any, expected: Any) -> bool:
+    """Equal to the last bit, with any nan the same as any other."""
+    pairs = zip(np.atleast_1d(found), np.atleast_1d(expected), strict=True)
+    return all((f == e and math.copysign(1, f) == math.copysign(1, e)) or (f != f and e != e) for f, e in pairs)
+
+
+def plain(function: Function, *arguments: Any) -> Any:
+    with np.errstate(all="ignore"):
+        return function.python(*arguments)
+
+
+@given(NUMBER, NUMBER)
+@example(math.nan, 0.0)
+@example(0.0, -0.0)
+@example(math.inf, -math.inf)
+def test_real_numbers_are_reckoned_as_by_numpy(a: float, b: float):
+    for function in (sums, quotient, order):
+        assert same(function(a, b), plain(function, np.float64(a), np.float64(b)))
+
+
+@given(SINGLE, SINGLE)
+def test_single_ones_stay_single(a: float, b: float):
+    one, other = np.float32(a), np.float32(b)
+    for function in (sums, quotient, order):
+        assert same(function(one, other), plain(function, one, other))
+
+
+@given(WHOLE, WHOLE)
+def test_whole_numbers_are_reckoned_as_by_python(a: int, b: int):
+    for function in (sums, bits, order):
+        assert same(function(a, b), function.python(a, b))
+
+
+@routine
+def order_in(pair):
+    return order(pair[0], pair[1])
+
+
+@given(st.integers(0, 2**64 - 1), st.integers(0, 2**64 - 1))
+@example(2**63, 1)
+def test_whole_numbers_without_a_sign_are_compared_as_such(a: int, b: int):
+    assert order_in(np.array([a, b], np.uint64)) == order.python(a, b)
+
+
+@given(WHOLE, NUMBER)
+def test_mixed_ones_become_real(a: int, b: float):
+    for function in (sums, order):
+        assert same(function(a, b), plain(function, np.float64(a), np.float64(b)))
+
+
+@given(NUMBER, NUMBER, NUMBER)
+@example(math.nan, 1.0, 2.0)
+@example(1.0, math.nan, 2.0)
+@example(0.0, -0.0, 0.0)
+def test_least_and_greatest_are_python_s_also_of_nan(a: float, b: float, c: float):
+    assert same(least_and_greatest(a, b, c), least_and_greatest.python(a, b, c))
+
+
+@given(WHOLE, NUMBER, SINGLE)
+def test_least_and_greatest_of_several_kinds(a: int, b: float, c: float):
+    found = least_and_greatest(a, b, np.float32(c))
+    assert same(found, plain(least_and_greatest, float(a), b, float(np.float32(c))))
+
+
+# -- arrays --
+
+
+@routine
+def element(values, i, j):
+    return values[i, j]
+
+
+@routine
+def first_and_last(values):
+    return values[0], values[-1]
+
+
+@routine
+def total(values):
+    """A weighted sum, which tells one order from another, and the shape."""
+    result = 0.0
+    for k in range(values.size):
+        result += (k + 1) * values[k]
+    return result, values.shape[0], values.size
+
+
+@routine
+def total_of_stretch(values, start, stop):
+    return total(values[start:stop])
+
+
+@routine
+def total_of_row(values, i):
+    return total(values[i])
+
+
+@routine
+def total_of_column(values, start, stop, j):
+    return total(values[start:stop, j])
+
+
+@routine
+def of_block(values, i, start, stop, j):
+    block = values[i, start:stop]
+    return total(block[:, j])
+
+
+@routine
+def of_open_stretches(values):
+    return total(values[2:])[0], total(values[:-2])[0], total(values[:])[0]
+
+
+@routine
+def put(values, i, j, number):
+    values[i, j] = number
+    values[i, j] += 1
+
+
+SIZES = st.integers(1, 5)
+ANY = st.integers(-7, 7)
+
+
+def numbers(*shape: int) -> Any:
+    return np.arange(1.0, 1.0 + math.prod(shape)).reshape(shape)
+
+
+def layouts(values: Any) -> list[Any]:
+    """The same numbers without and with gaps, and in another order in memory."""
+    wide = np.zeros([2 * n for n in values.shape])
+    wide[tuple(slice(None, None, 2) for _ in values.shape)] = values
+    return [values, wide[tuple(slice(None, None, 2) for _ in values.shape)], np.asfortranarray(values)]
+
+
+@given(st.data(), SIZES, SIZES)
+def test_elements_are_found_from_both_ends(data: st.DataObject, rows: int, columns: int):
+    i, j = data.draw(st.integers(-rows, rows - 1)), data.draw(st.integers(-columns, columns - 1))
+    for values in layouts(numbers(rows, columns)):
+        assert element(values, i, j) == values[i, j]
+    for kind in (np.uint32, np.uint64, np.int32):
+        ways = kind(i % rows), kind(j % columns)
+        assert element(numbers(rows, columns), *ways) == numbers(rows, columns)[ways]
+
+
+@given(SIZES)
+def test_known_places_are_found_from_both_ends(size: int):
+    for values in (numbers(size), numbers(2 * size)[::2], numbers(size)[::-1]):
+        assert first_and_last(values) == (values[0], values[-1])
+
+
+@given(SIZES, ANY, ANY)
+def test_stretches_are_cut_to_the_array(size: int, start: int, stop: int):
+    for values in (numbers(size), numbers(2 * size)[::2], numbers(size)[::-1]):
+        assert total_of_stretch(values, start, stop) == total.python(values[start:stop])
+
+
+@given(SIZES)
+def test_open_stretches_reach_the_ends(size: int):
+    assert of_open_stretches(numbers(size)) == of_open_stretches.python(numbers(size))
+
+
+@given(st.data(), SIZES, SIZES, ANY, ANY)
+def test_rows_columns_and_blocks(data: st.DataObject, rows: int, columns: int, start: int, stop: int):
+    i, j = data.draw(st.integers(-rows, rows - 1)), data.draw(st.integers(-columns, columns - 1))
+    for values in layouts(numbers(rows, columns)):
+        assert total_of_row(values, i) == total.python(values[i])
+        assert total_of_column(values, start, stop, j) == total.python(values[start:stop, j])
+    for values in layouts(numbers(rows, 3, columns)):
+        assert of_block(values, i, start, stop, j) == total.python(values[i, start:stop][:, j])
+
+
+@given(st.data(), SIZES, SIZES)
+def test_what_is_written_is_there_and_nothing_else_changes(data: st.DataObject, rows: int, columns: int):
+    i, j = data.draw(st.integers(-rows, rows - 1)), data.draw(st.integers(-columns, columns - 1))
+    for values in layouts(numbers(rows, columns)):
+        expected = values.copy()
+        expected[i, j] = 8.0
+        put(values, i, j, 7)
+        np.testing.assert_array_equal(values, expected)
+
+
+def test_truths_are_kept_as_bytes():
+    @routine
+    def turn_over(flags):
+        for k in range(flags.size):
+            flags[k] = not flags[k]
+
+    flags = np.array([True, False, True])
+    turn_over(flags)
+    assert flags.tolist() == [False, True, False]
+    assert flags.view(np.uint8).tolist() == [0, 1, 0]
+
+
+# -- what is absent --
+
+
+@inlined
+def unless_none(value, other):
+    if value is None:
+        return other
+    return value * 2
+
+
+def test_branches_on_what_is_none_are_not_compiled_otherwise():
+    @routine
+    def chosen(value, other):
+        # With a number the other side would give text, with None it would multiply it: neither compiles.
+        if value is not None:
+            return unless_none(value, other)
+        return unless_none(None, other)
+
+    assert chosen(3.0, 1.0) == 6.0
+    assert chosen(None, 1.0) == 1.0
+
+
+def test_what_can_t_be_compiled_tells_where():
+    @routine
+    def nonsense(values):
+        return values.nothing_of_this_name
+
+    with pytest.raises(Exception, match="nothing_of_this_name"):
+        nonsense(np.zeros(3))
