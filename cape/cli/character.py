@@ -60,11 +60,13 @@ def read_character(reading: Reading, *, hitboxes: str | None = None) -> Characte
         solids = find_hitboxes(body, hitboxes or BY_PROPORTIONS)
         return _character(clip.name, body, body.track(clip), solids, clip.decisions)
     robot = reading.robot(reading.skeleton)
-    solids = find_hitboxes(robot, hitboxes or "limbs")
+    # Hitboxes are fitted to meshes, which takes seconds: whatever is wrong with the motion is told before.
     if (path := reading.configuration_file) is not None:
         motion, retargeted, before = reading.configurations(path, robot), None, ()
+        solids = find_hitboxes(robot, hitboxes or "limbs")
     else:
         clip = reading.load()
+        solids = find_hitboxes(robot, hitboxes or "limbs")
         retargeted = retarget(clip, robot, hitboxes=solids)
         motion, before = retargeted.motion, clip.decisions
     track = robot.track(motion)

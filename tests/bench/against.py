@@ -59,7 +59,7 @@ simulation = cape.Simulation(scene, solver=getattr(cape, solver)(**options), thr
 def pose(frame):
     if track is None:
         return {bone: (np.zeros(3), [1.0, 0.0, 0.0, 0.0]) for bone in simulation.bones}
-    places = [list(track.bones).index(bone) for bone in simulation.bones]
+    places = [track.index(bone) for bone in simulation.bones]
     return {bone: (track.positions[frame, k], track.rotations_wxyz[frame, k])
             for bone, k in zip(simulation.bones, places)}
 frames = frames if track is None else min(frames, track.frames - 1)

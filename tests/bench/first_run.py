@@ -93,6 +93,7 @@ def spend(checkout: Path, run: Run, cache: Path) -> Spent:
             (Path(folder) / "colliders.toml").write_text(run.colliders)
             arguments += ["--hitboxes", "colliders.toml"]
         environment = {**os.environ, "PYTHONPATH": str(checkout), "NUMBA_CACHE_DIR": str(cache)}
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # bytecode is kept, as a user's is
         before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
         done = subprocess.run(
             [sys.executable, "-c", run.code, *arguments], cwd=folder, env=environment, capture_output=True, text=True
