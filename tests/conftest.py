@@ -7,16 +7,13 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# The commands that tests start keep their bytecode, as a user's do; else each of them compiles all sources again.
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-
 # The same examples in every run; `--hypothesis-profile search` looks for new ones.
 settings.register_profile("repeat", derandomize=True, deadline=None)
 settings.register_profile("search", max_examples=1000, deadline=None)
 settings.load_profile("repeat")
 
 # Files that take minutes: begun last, one of them would leave all cores but one with nothing to do.
-LONG = ("test_solvers.py", "test_fuzz_contact.py", "test_limbs.py", "test_implicit.py", "test_self_contact.py")
+LONG = ("test_cli.py", "test_replay.py", "test_fuzz_contact.py", "test_robot_commands.py", "test_retarget.py")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
