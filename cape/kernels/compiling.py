@@ -172,7 +172,7 @@ def _start_helpers(requests: Sequence[Request], claims: Path, *, count: int) -> 
 
 def _end(helper: "subprocess.Popen[bytes]") -> None:
     """End a helper, and those that it has forked."""
-    with contextlib.suppress(ProcessLookupError):
+    with contextlib.suppress(ProcessLookupError, PermissionError):  # the latter, on macOS, where all have ended
         if hasattr(os, "killpg"):
             os.killpg(helper.pid, signal.SIGKILL)
         else:

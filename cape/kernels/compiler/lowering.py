@@ -97,14 +97,17 @@ class Lowering(lowering.Lower):
         return self.context.cast(self.builder, result, signature.return_type, resty)
 
     def _call(self, made, given):
-        """Call what was lowered already, by numba's convention: places for the result and what is raised, the rest."""
+        """Call what was lowered already, by numba's convention: places for the result and what is raised, the rest.
+
+        Whether it raised is not asked.
+        """
         convention, builder = self.call_conv, self.builder
         self.library.add_linking_library(made.library)
         function = self.context.declare_function(self.module, made.description)
         place = cgutils.alloca_once(builder, convention.get_return_type(made.signature.return_type).pointee)
-        nothing = function.args[1].type(None)
         packer = convention._get_arg_packer(made.signature.args)
-        builder.call(function, [place, nothing, *packer.as_arguments(builder, given)])
+        raised = convention._get_excinfo_argument(self.function)
+        builder.call(function, [place, raised, *packer.as_arguments(builder, given)])
         return self.context.get_returned_value(builder, made.signature.return_type, builder.load(place))
 
     def _lower_arithmetic(self, resty, expr):
@@ -115,13 +118,12 @@ class Lowering(lowering.Lower):
         if kind != signature.args[1] or not isinstance(kind, types.Float | types.Integer):
             return None
         real, signed = isinstance(kind, types.Float), getattr(kind, "signed", True)
-        emit = getattr(self.builder, (_ON_REALS if real else _ON_WHOLE).get(operation, "none"), None)
-        sign = _COMPARISONS.get(operation)
-        if emit is None and sign is None:
+        name, sign = (_ON_REALS if real else _ON_WHOLE).get(operation), _COMPARISONS.get(operation)
+        if name is None and sign is None:
             return None
         left, right = self._cast_var(expr.lhs, kind), self._cast_var(expr.rhs, kind)
-        if emit is not None:
-            result = emit(left, right)
+        if name is not None:
+            result = getattr(self.builder, name)(left, right)
         elif not real:
             compare = self.builder.icmp_signed if signed else self.builder.icmp_unsigned
             result = compare(sign, left, right)
