@@ -257,24 +257,6 @@ def test_branches_on_what_is_none_are_not_compiled_otherwise():
     assert chosen(None, 1.0) == 1.0
 
 
-@routine
-def count_by(step):
-    count = 0
-    for _ in range(0, 3, step):
-        count += 1
-    return count
-
-
-@routine
-def count_twice(step):
-    return count_by(step), 7
-
-
-def test_what_would_raise_inside_a_call_ends_nothing_else():
-    assert count_twice(2) == (2, 7)
-    assert count_twice(0)[1] == 7
-
-
 def test_what_can_t_be_compiled_tells_where():
     @routine
     def nonsense(values):
