@@ -204,16 +204,17 @@ def test_the_deepest_point_of_a_triangle(kind: str):
         shapes = random_shape(kind, rng)
         corners = triangle_near(shapes, rng)
         distance, nx, ny, nz, *weights, bound = deepest(shapes, np.inf, *map(float, corners.ravel()))
-        assert bound == distance
+        assert distance - 5e-5 < bound <= distance
         assert min(weights) >= -ROUNDING
         assert sum(weights) == pytest.approx(1.0, abs=ROUNDING)
         where = np.array(weights) @ corners
         assert distance == pytest.approx(distance_at(shapes, where[None])[0], abs=1e-9)
         assert np.linalg.norm((nx, ny, nz)) == pytest.approx(1.0, abs=1e-9)
         least = refined_depth(shapes, corners)
+        assert bound <= least + 1e-12
         if least > -faces.PIERCED * shapes.records.core[0]:
-            # Where the valley on a triangle crosses a round edge, all steps there are may leave as much.
-            assert distance < least + (2e-4 if kind == "cylinder" else 1e-4)
+            # Where the search stands still for want of a promise, a slope of a few parts in ten thousand is left.
+            assert distance < least + 2e-5
             inside += least < 0
     assert inside > 5
 

@@ -334,7 +334,8 @@ def collide_face(contact, faces, f, c, thickness, step, follow):
         inwards = respond_on_triangle(
             contact, c, corners, (u, v, w), thickness - distance, direction_to_world(r, nx, ny, nz), step, most
         )
-    return bound - thickness, inwards
+    # Within the thickness the bound is lower than the distance by as much as the search leaves open: that is no depth.
+    return min(distance, max(bound, thickness)) - thickness, inwards
 
 
 @inlined
