@@ -6,8 +6,10 @@
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +36,8 @@ class LinkSurface:
         name: unique name, the link's followed by a number.
         link: name of the link.
         bone: name of the bone that carries it, None for one that stands still in the world.
-        vertices: in the bone's frame, in the world's without a bone [m], shape (V, 3).
-        triangles: indices of the vertices, counterclockwise seen from outside, shape (T, 3).
+        vertices: in the bone's frame, in the world's without a bone [m], read-only, shape (V, 3).
+        triangles: indices of the vertices, counterclockwise seen from outside, read-only, shape (T, 3).
         rgba: colour, each from 0 to 1, shape (4,); None where the file names none.
         primitive: the same as a solid, where the file has a sphere, a capsule or a box.
     """
@@ -50,7 +52,7 @@ class LinkSurface:
 
 
 def link_surfaces(body: Skeleton, kind: Kind, *, bones: Collection[str] | None = None) -> tuple[LinkSurface, ...]:
-    """The pieces of a robot's links, as seen or as meant for collisions.
+    """The pieces of a robot's links, as seen or as meant for collisions; files are read once for each body.
 
     Args:
         body: the robot.
@@ -66,17 +68,47 @@ def link_surfaces(body: Skeleton, kind: Kind, *, bones: Collection[str] | None =
         ValueRangeError: the body is no robot, so it has no links.
         FileError: a mesh is missing or can't be read; names the folders that were looked in.
     """
-    model = geometry_model(body, kind)
-    pieces = [(solid, collada_up(solid.meshPath)) for solid in model.geometryObjects]
-    if all(up == "z" for _, up in pieces):
-        return tuple(_surface(body, solid) for solid, _ in pieces if bones is None or _bone(body, solid) in bones)
-    plain = tuple(_surface(body, solid) for solid, _ in pieces)
-    turned = tuple(
-        surface if up == "z" else replace(surface, vertices=_turned(surface.vertices, solid.placement, up))
-        for surface, (solid, up) in zip(plain, pieces, strict=True)
-    )
-    chosen = min((plain, turned), key=lambda surfaces: _gaps(body, surfaces))
-    return tuple(surface for surface in chosen if bones is None or surface.bone in bones)
+    pieces = _PIECES.setdefault(body, {}).get(kind)
+    if pieces is None:
+        pieces = _PIECES[body][kind] = _Pieces(body, kind)
+    return pieces.surfaces(body, bones)
+
+
+class _Pieces:
+    """Geometry of a robot as its files have it, and the surfaces that were made of it so far."""
+
+    def __init__(self, body: Skeleton, kind: Kind):
+        import coal
+
+        # The boxes around a mesh's triangles are for collisions and take most of the time: here the plainest will do.
+        solids = _geometry(body, kind, mesh_loader=coal.MeshLoader(coal.NODE_TYPE.BV_OBB)).geometryObjects
+        self._solids = [(solid, collada_up(solid.meshPath)) for solid in solids]
+        self._plain: list[LinkSurface | None] = [None] * len(self._solids)
+        self._chosen: tuple[LinkSurface, ...] = ()
+
+    def surfaces(self, body: Skeleton, bones: Collection[str] | None) -> tuple[LinkSurface, ...]:
+        """Those of some bones, all by default."""
+        if all(up == "z" for _, up in self._solids):
+            wanted = [k for k, (solid, _) in enumerate(self._solids) if bones is None or _bone(body, solid) in bones]
+            return tuple(self._surface(body, k) for k in wanted)
+        if not self._chosen:
+            plain = tuple(self._surface(body, k) for k in range(len(self._solids)))
+            turned = tuple(
+                surface if up == "z" else _with_vertices(surface, _turned(surface.vertices, solid.placement, up))
+                for surface, (solid, up) in zip(plain, self._solids, strict=True)
+            )
+            self._chosen = min((plain, turned), key=lambda surfaces: _gaps(body, surfaces))
+        return tuple(surface for surface in self._chosen if bones is None or surface.bone in bones)
+
+    def _surface(self, body: Skeleton, number: int) -> LinkSurface:
+        found = self._plain[number]
+        if found is None:
+            found = self._plain[number] = _surface(body, self._solids[number][0])
+        return found
+
+
+_PIECES: WeakKeyDictionary[Skeleton, dict[Kind, _Pieces]] = WeakKeyDictionary()
+"""What was read of each body, for as long as there is that body."""
 
 
 def geometry_model(body: Skeleton, kind: Kind) -> "pinocchio.GeometryModel":
@@ -86,6 +118,10 @@ def geometry_model(body: Skeleton, kind: Kind) -> "pinocchio.GeometryModel":
         ValueRangeError: the body is no robot.
         FileError: a mesh is missing or can't be read; names the folders that were looked in.
     """
+    return _geometry(body, kind)
+
+
+def _geometry(body: Skeleton, kind: Kind, **options: Any) -> "pinocchio.GeometryModel":
     import pinocchio as pin
 
     if body.source is None:
@@ -93,7 +129,7 @@ def geometry_model(body: Skeleton, kind: Kind) -> "pinocchio.GeometryModel":
     which = pin.GeometryType.VISUAL if kind == "visual" else pin.GeometryType.COLLISION
     folders = list(body.source.package_folders)
     try:
-        return pin.buildGeomFromUrdf(body.model, str(body.source.urdf), which, package_dirs=folders)
+        return pin.buildGeomFromUrdf(body.model, str(body.source.urdf), which, package_dirs=folders, **options)
     except (ValueError, RuntimeError) as error:
         problem = " ".join(str(error).split())
         raise FileError(
@@ -135,16 +171,24 @@ def _surface(body: Skeleton, solid: Any) -> LinkSurface:
     bone = _bone(body, solid)
     rotation, origin = solid.placement.rotation, solid.placement.translation
     vertices, triangles = _mesh(solid.geometry)
-    return LinkSurface(
+    surface = LinkSurface(
         name=solid.name,
         link=body.model.frames[int(solid.parentFrame)].name,
         bone=bone,
-        # Coal has scaled a mesh already as the file asks.
-        vertices=vertices @ rotation.T + origin,
+        vertices=vertices,
         triangles=triangles,
         rgba=np.array(solid.meshColor, dtype=float) if solid.overrideMaterial else None,
         primitive=_primitive(solid, bone),
     )
+    triangles.flags.writeable = False
+    # Coal has scaled a mesh already as the file asks.
+    return _with_vertices(surface, vertices @ rotation.T + origin)
+
+
+def _with_vertices(surface: LinkSurface, vertices: FloatArray) -> LinkSurface:
+    """The surface with other vertices, which nobody may change from now on."""
+    vertices.flags.writeable = False
+    return replace(surface, vertices=vertices)
 
 
 def _primitive(solid: Any, bone: str | None) -> Sphere | Capsule | Box | None:
@@ -170,8 +214,8 @@ def _mesh(shape: Any) -> tuple[FloatArray, NDArray[np.uint32]]:
     import trimesh
 
     if isinstance(shape, coal.BVHModelBase):
-        corners = (shape.tri_indices(i) for i in range(shape.num_tris))
-        triangles = np.array([(t[0], t[1], t[2]) for t in corners], dtype=np.int64).reshape(-1, 3)
+        corners = map(itemgetter(0, 1, 2), map(shape.tri_indices, range(shape.num_tris)))
+        triangles = np.array(list(corners), dtype=np.int64).reshape(-1, 3)
         if len(np.unique(triangles)) < shape.num_vertices:
             # Coal 3.0 numbers the vertices of a Collada file's nodes so that triangles join wrong ones and leave others
             # out. The places of all vertices are right.
@@ -191,4 +235,4 @@ def _mesh(shape: Any) -> tuple[FloatArray, NDArray[np.uint32]]:
         mesh = trimesh.Trimesh(shape.points(), [(t[0], t[1], t[2]) for t in corners])
     else:
         raise FileError(f"a link's geometry is a {type(shape).__name__}, of which no surface is known")
-    return np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.uint32)
+    return np.array(mesh.vertices, dtype=float), np.array(mesh.faces, dtype=np.uint32)
