@@ -11,6 +11,7 @@ are in tests/test_distance.py.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -79,26 +80,34 @@ def solids(draw: st.DrawFn, word: str, bone: str | None = "bone") -> Any:
         assume(False)
 
 
-def directions(seed: int = 0, count: int = THROUGH) -> FloatArray:
+@cache
+def directions() -> FloatArray:
     """Unit vectors, the axes among them, shape (N, 3)."""
-    vectors = np.random.default_rng(seed).standard_normal((count, 3))
+    vectors = np.random.default_rng(0).standard_normal((THROUGH, 3))
     vectors = np.concatenate([vectors, np.eye(3), -np.eye(3)])
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def nearest(solid: Shape, point: FloatArray) -> tuple[float, FloatArray]:
     """Distance of a point in the bone's frame and normal there, as the solvers have them."""
+    distances, normals = nearest_to_each(solid, point[None])
+    return float(distances[0]), normals[0]
+
+
+def nearest_to_each(solid: Shape, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Distances of points (N, 3) and normals there, as `nearest` has them, shapes (N,) and (N, 3)."""
     layout = solid.layout()
-    own = layout.rotation.T @ (point - layout.origin)
-    distance, *normal = type(solid).nearest(*own.tolist(), *(*layout.sizes, 0.0, 0.0, 0.0, 0.0)[:4])
-    return distance, layout.rotation @ normal
+    sizes = (*layout.sizes, 0.0, 0.0, 0.0, 0.0)[:4]
+    own = (points - layout.origin) @ layout.rotation
+    found = np.array([type(solid).nearest(x, y, z, *sizes) for x, y, z in own.tolist()])
+    return found[:, 0], found[:, 1:] @ layout.rotation.T
 
 
 def on_surface(solid: Shape, seed: int = 1, count: int = 300) -> tuple[FloatArray, FloatArray]:
     """Points on a solid's surface, led there from random places around it, and normals there, shape (N, 3) each."""
     places = 1.5 * np.random.default_rng(seed).standard_normal((count, 3))
-    found = [(place, *nearest(solid, place)) for place in places]
-    return np.array([p - d * n for p, d, n in found]), np.array([n for _, _, n in found])
+    distances, normals = nearest_to_each(solid, places)
+    return places - distances[:, None] * normals, normals
 
 
 # -- what a shape is --
