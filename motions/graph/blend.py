@@ -28,7 +28,7 @@ put, yet above 0, for windows in which no foot stands."""
 
 @dataclass(frozen=True, eq=False)
 class Blends:
-    """M blends from a window of one clip to a window of another, of T frames with the two at the ends.
+    """M blends from windows of one clip to windows of another, of T frames with the two at the ends.
 
     Attributes:
         turns: unit quaternions (w, x, y, z) about +Z that take the second clip to the first, shape (M, 4).
@@ -67,7 +67,7 @@ def blend_windows(
     *,
     extra: int = 0,
 ) -> Blends:
-    """Pass from windows of one clip to windows of another.
+    """Pass from K windows of one clip to K windows of another, in each of S ways: all the first way, then the second.
 
     Rotations are blended by slerp (L. Kovar, M. Gleicher and F. Pighin, "Motion Graphs", ACM Trans. Graph. 21 (2002),
     eq. 6), with a weight whose second derivative has no jump, where eq. 7 takes a cubic. Eq. 5 blends the positions of
@@ -81,13 +81,17 @@ def blend_windows(
     Args:
         a: the clip that is left.
         b: the clip that is entered, of the same joints and frame rate.
-        leave: last frames of the first clip before the blends, shape (M,).
-        enter: frames of the second that stand for them, not yet seen, shape (M,).
-        headings: turns about +Z of the second clip towards the first [rad], shape (M,).
-        supports: which feet may hold the body, among `SUPPORTS`, shape (M,).
+        leave: last frames of the first clip before the blends, shape (K,).
+        enter: frames of the second that stand for them, not yet seen, shape (K,).
+        headings: turns about +Z of the second clip towards the first [rad], shape (K,).
+        supports: which feet may hold the body, among `SUPPORTS`, shape (S,).
         frames: number N of frames from `leave` on until the second clip alone is seen.
         extra: number E of frames that the blend takes besides.
+
+    Returns:
+        M = S K blends.
     """
+    ways = len(supports)
     s = _drawn_out(frames, extra)
     weights = step(s, 0.0, frames)[:, None]
     turns = quaternions.from_rotation_vector(headings[:, None] * np.array([0.0, 0.0, 1.0]))
@@ -103,11 +107,17 @@ def blend_windows(
     held = np.concatenate([[0], a.feet])
     window = np.arange(frames + 1)
     firm = (a.standing[leave[:, None] + window] * b.standing[enter[:, None] + window]).mean(axis=1)
-    firm *= (supports[:, None] == BOTH) | (supports[:, None] == a.sides[a.feet])
+    may_hold = (supports[:, None] == BOTH) | (supports[:, None] == a.sides[a.feet])
+    firm = (may_hold[:, None] * firm).reshape(ways * len(leave), len(a.feet))
     speed_limits = np.maximum(a.speed_limits, b.speed_limits) + TOLERANCE
-    shares = np.concatenate([np.full((len(leave), 1), ROOT_SHARE), firm], axis=1) / speed_limits[held]
+    shares = np.concatenate([np.full((len(firm), 1), ROOT_SHARE), firm], axis=1) / speed_limits[held]
     shares /= shares.sum(axis=1, keepdims=True)
-    held_a, held_b, held_here = (np.einsum("mh,mthi->mti", shares, p[:, :, held]) for p in (points_a, points_b, points))
+    # From here on by ways as well, which have all but places in common.
+    turns, local, points = (np.concatenate([each] * ways) for each in (turns, local, points))
+    held_a, held_b, held_here = (
+        np.einsum("mh,mthi->mti", shares, p)
+        for p in (*(np.concatenate([p[:, :, held]] * ways) for p in (points_a, points_b)), points[:, :, held])
+    )
     held_b = quaternions.rotate(turns[:, None], held_b)
     shifts = (held_a - held_b).mean(axis=1) * np.array([1.0, 1.0, 0.0])
     local[:, :, 0] = (1 - weights) * held_a + weights * (held_b + shifts[:, None]) - held_here
@@ -116,15 +126,16 @@ def blend_windows(
     fps = a.clip.fps
     speed = speeds(points, fps) / speed_limits
     spin = spins(rotations, fps) / (np.maximum(a.spin_limits, b.spin_limits) + TOLERANCE)
+    haste = np.maximum(speed.max(axis=-1), np.concatenate([spin.max(axis=-1)] * ways))
     feet = points[:, :, a.feet]
     heights = (feet[:, 1:, :, 2] + feet[:, :-1, :, 2]) / 2 - np.minimum(a.ground, b.ground)
     slides = np.linalg.norm(np.diff(feet[..., :2], axis=1), axis=-1) * touch(heights)
     return Blends(
         turns,
         shifts,
-        rotations,
+        np.concatenate([rotations] * ways),
         local,
-        haste=np.maximum(speed.max(axis=-1), spin.max(axis=-1)),
+        haste=haste,
         slides=slides.sum(axis=1).max(axis=1, initial=0.0),
     )
 

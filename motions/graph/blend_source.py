@@ -92,15 +92,26 @@ class Source:
             Unit quaternions joint_to_parent (w, x, y, z), shape (M, N, J, 4), positions in the parent's frame [m], the
             root's in the world, shape (M, N, J, 3), and points as `points` [m], shape (M, N, J + E, 3).
         """
+        whole = frames.astype(np.int64)
+        if (whole == frames).all():
+            return self._at_whole(whole)
         poses = self.clip.sample(frames.ravel() / self.clip.fps)
         local = poses.local_positions
         if local is None:
             local = np.repeat(self.clip.offsets[None], frames.size, axis=0)
             local[:, 0] = poses.root_positions
-        before = np.minimum(frames.astype(np.int64), self.clip.frames - 2)
+        before = np.minimum(whole, self.clip.frames - 2)
         share = (frames - before)[..., None, None]
         points = (1 - share) * self.points[before] + share * self.points[before + 1]
         return poses.rotations_wxyz.reshape(*frames.shape, -1, 4), local.reshape(*frames.shape, -1, 3), points
+
+    def _at_whole(self, frames: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        clip = self.clip
+        if clip.local_positions is not None:
+            return clip.rotations_wxyz[frames], clip.local_positions[frames], self.points[frames]
+        local = np.tile(clip.offsets, (*frames.shape, 1, 1))
+        local[:, :, 0] = clip.root_positions[frames]
+        return clip.rotations_wxyz[frames], local, self.points[frames]
 
 
 def touch(heights: FloatArray) -> FloatArray:
@@ -110,13 +121,15 @@ def touch(heights: FloatArray) -> FloatArray:
 
 def speeds(points: FloatArray, fps: float) -> FloatArray:
     """Speeds between the frames [m/s], shape (..., F, P, 3) to (..., F - 1, P)."""
-    return np.linalg.norm(np.diff(points, axis=-3), axis=-1) * fps
+    x, y, z = np.moveaxis(np.diff(points, axis=-3), -1, 0)
+    return np.sqrt(x * x + y * y + z * z) * fps
 
 
 def spins(rotations: FloatArray, fps: float) -> FloatArray:
     """Angular speeds between the frames [rad/s], unit quaternions (..., F, J, 4) to (..., F - 1, J)."""
     turns = quaternions.multiply(quaternions.conjugate(rotations[..., :-1, :, :]), rotations[..., 1:, :, :])
-    return np.linalg.norm(quaternions.to_rotation_vector(turns), axis=-1) * fps
+    w, x, y, z = np.moveaxis(turns, -1, 0)
+    return 2.0 * np.arctan2(np.sqrt(x * x + y * y + z * z), np.abs(w)) * fps
 
 
 def _fading(x: FloatArray) -> FloatArray:

@@ -318,22 +318,23 @@ class MotionGraph:
             leave, enter = leaving.first + i, entering.first + j
             blends = blend_windows(a, b, leave, enter, headings[i, j], supports, frames)
             extra = blends.extra_frames()
-            costs = (distances[i, j] + SLIDE * blends.slides) * factors[i, j] * (1.0 + extra / frames / 2)
+            apart, unwanted = (np.tile(each[i, j], len(supports)) for each in (distances, factors))
+            costs = (apart + SLIDE * blends.slides) * unwanted * (1.0 + extra / frames / 2)
             late = frames + extra > self._longest
-            k = np.lexsort((costs, late))[0]
+            best = np.lexsort((costs, late))[0]
+            way, k = divmod(int(best), len(i))
             numbers = int(leave[k]), int(enter[k]), frames, float(distances[i[k], j[k]]), float(headings[i[k], j[k]])
             at = Transition(source, target, *numbers)
-            return _Option(at, int(supports[k]), int(extra[k]), float(costs[k]), bool(late[k]))
+            return _Option(at, int(supports[way]), int(extra[best]), float(costs[best]), bool(late[best]))
 
         i, j = _least(distances * factors, CANDIDATES)
-        count = len(SUPPORTS)
-        coarse = cheapest(np.tile(i, count), np.tile(j, count), np.repeat(SUPPORTS, len(i)))
+        coarse = cheapest(i, j, np.array(SUPPORTS))
         place = coarse.at.leave - leaving.first, coarse.at.enter - entering.first
         rows, columns = (
             np.arange(max(x - NEAR, 0), min(x + NEAR + 1, size)) for x, size in zip(place, distances.shape, strict=True)
         )
         i, j = np.repeat(rows, len(columns)), np.tile(columns, len(rows))
-        return cheapest(i, j, np.full(len(i), coarse.support))
+        return cheapest(i, j, np.array([coarse.support]))
 
     def _drawn_out(self, option: _Option) -> _Passage:
         """The passage with as few extra frames as keep its joints within their limits, but no longer than allowed."""
