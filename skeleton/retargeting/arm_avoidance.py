@@ -80,18 +80,19 @@ class Apart:
         gaps = self._distances(model, data)
         near = np.flatnonzero(gaps < _NOTICED)
         jacobians: dict[int, FloatArray] = {0: np.zeros((6, model.nv))}
-        slopes = np.empty((len(near), model.nv))
-        for row, k in enumerate(near.tolist()):
-            result, (first, second) = self._seen.distanceResults[k], self._pairs[k]
-            sides = ((first, result.getNearestPoint1(), -1.0), (second, result.getNearestPoint2(), 1.0))
-            slopes[row] = 0.0
-            for solid, point, sign in sides:
-                joint = self._geometry.geometryObjects[solid].parentJoint
+        slopes = np.zeros((len(near), model.nv))
+        results = [self._seen.distanceResults[k] for k in near.tolist()]
+        normals = np.array([result.normal for result in results]).reshape(-1, 3)
+        for side, sign in ((0, -1.0), (1, 1.0)):
+            joints = [self._geometry.geometryObjects[self._pairs[k][side]].parentJoint for k in near.tolist()]
+            points = [result.getNearestPoint2() if side else result.getNearestPoint1() for result in results]
+            arms = np.reshape([p - data.oMi[j].translation for p, j in zip(points, joints, strict=True)], (-1, 3))
+            # All in one go: NumPy's cross product takes as long for one pair of vectors as for a hundred.
+            along = np.concatenate([normals, np.cross(arms, normals)], axis=1)
+            for row, joint in enumerate(joints):
                 if joint not in jacobians:
                     jacobians[joint] = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
-                arm = point - data.oMi[joint].translation
-                along = np.concatenate([result.normal, np.cross(arm, result.normal)])
-                slopes[row] += sign * (along @ jacobians[joint])
+                slopes[row] += sign * (along[row] @ jacobians[joint])
         self._gaps, self._slopes = gaps[near], slopes
 
     def compute_qp_objective(self, _: Any) -> tuple[FloatArray, FloatArray]:

@@ -7,6 +7,7 @@ happens in the points' own principal axes and in units of their size, so that ne
 reflection of the points changes the outcome.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -123,7 +124,7 @@ def surface_points(vertices: FloatArray, triangles: NDArray[np.integer]) -> tupl
 
 def weighted_quantile(values: FloatArray, weights: FloatArray, quantile: float) -> float:
     """The least of the values (N,) up to which lies at least that share of the weights (N,)."""
-    order = np.argsort(values)
+    order = values.argsort()
     reached = weights[order].cumsum()
     # A sum is rounded in its last digits; a share of 1 would else ask for more than there is.
     place = int(reached.searchsorted(quantile * reached[-1] * (1.0 - 1e-12)))
@@ -228,13 +229,17 @@ def _reaches(points: FloatArray, start: FloatArray, end: FloatArray, sine: float
     The second sphere is smaller by sine * length. Follows `measures.signed_distance`, solved for the radius.
     """
     axis = end - start
-    length = max(float(np.sqrt(axis @ axis)), 1e-12)
+    length = max(math.sqrt(axis @ axis), 1e-12)
     from_start = points - start
     along = from_start @ (axis / length)
-    off_axis = np.sqrt(np.maximum(np.einsum("ij,ij->i", from_start, from_start) - along * along, 0.0))
-    place = along - off_axis * (sine / np.sqrt(1.0 - sine * sine)) if sine else along
+    squares = np.maximum(np.einsum("ij,ij->i", from_start, from_start) - along * along, 0.0)
+    if not sine:
+        beside = along - np.minimum(np.maximum(along, 0.0), length)
+        return np.sqrt(beside * beside + squares), length
+    off_axis = np.sqrt(squares)
+    place = along - off_axis * (sine / math.sqrt(1.0 - sine * sine))
     beside = along - np.minimum(np.maximum(place, 0.0), length)
-    return np.sqrt(beside * beside + off_axis * off_axis) + sine * (along - beside), length
+    return np.sqrt(beside * beside + squares) + sine * (along - beside), length
 
 
 def _least(cloud: _Cloud, starts: Sequence[FloatArray], search: "_Search") -> FloatArray:
@@ -269,7 +274,7 @@ def _volume_around(cloud: _Cloud) -> Callable[[FloatArray], float]:
     """Volume of the solid with a given axis and taper that holds the cloud's share, in units of the cloud's size."""
 
     def volume_of(x: FloatArray) -> float:
-        sine = float(np.clip(x[6], -_STEEPEST, _STEEPEST)) if len(x) > 6 else 0.0
+        sine = min(max(float(x[6]), -_STEEPEST), _STEEPEST) if len(x) > 6 else 0.0
         reaches, length = _reaches(cloud.scaled, x[:3], x[3:6], sine)
         first = max(weighted_quantile(reaches, cloud.weights, cloud.quantile), _THINNEST)
         last = first - sine * length
