@@ -191,5 +191,5 @@ def _lengths(q: FloatArray) -> FloatArray:
 
 
 def _sums(q: FloatArray) -> FloatArray:
-    """Sums along the last axis of four, shape (..., 1), in a third of the time that NumPy takes for so short an axis."""
+    """Sums along the last axis of four, shape (..., 1), far quicker than NumPy along so short an axis."""
     return (q[..., 0] + q[..., 1] + q[..., 2] + q[..., 3])[..., None]
