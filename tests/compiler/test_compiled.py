@@ -1,11 +1,13 @@
-"""What is compiled: for a scene once, and for more in it what belongs to that and nothing else. Needs the compiler."""
+"""What code a scene needs: once, and for more in it what belongs to that and nothing else. Needs the compiler."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
+from cape.kernels import store
 from tests.support.code import compiled_only
 from tests.support.processes import python
 
@@ -15,63 +17,73 @@ SCRIPT = """
 import json, sys
 import numpy as np
 import cape
-from cape.kernels import compiling, store
-compiling._cores = lambda: 0  # no helpers: all is compiled here
+from cape.kernels import calling, compiling, store
 from skeleton.shapes import Ellipsoid
-more = set(sys.argv[1:])
-cloth = cape.Cloth.rectangle(width=0.2, height=0.2, spacing=0.05)
-colliders = [cape.Sphere(radius=0.3, center=np.array([0.0, 1.0, 0.0]))]
-if "box" in more:
-    colliders.append(cape.Box(center=np.array([0.0, 1.0, 0.0])))
-if "ellipsoid" in more:
-    colliders.append(Ellipsoid(center=np.array([0.0, 1.0, 0.0]), thickness=0.03))
-scene = cape.Scene(
-    cloth, [cape.attach(cloth, "rod", "top")], colliders,
-    wind=cape.Wind() if "wind" in more else None,
-    self_contact=cape.SelfContact() if "self-contact" in more else None,
-)
-solver = {"xpbd": cape.XPBD(), "implicit": cape.BackwardEuler(precision="single")}
-chosen = next((solver[name] for name in more if name in solver), cape.SymplecticEuler(precision="single"))
-simulation = cape.Simulation(scene, solver=chosen, threads=2 if "thread" in more else 1)
-still = {"rod": ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])}
-simulation.start(still)
-for _ in range(2):
-    simulation.step(still, 1 / 60)
-height = float(simulation.positions[:, 2].min())
-print(json.dumps({"compiled": sorted(store.compiled), "numba": "numba" in sys.modules, "height": height}))
+
+if sys.argv[1] == "alone":
+    compiling._cores = lambda: 0  # no helpers: all is compiled here
+
+asked, prepare = set(), store.prepare
+
+def listening(requests):
+    asked.update(requests)
+    prepare(requests)
+
+store.prepare = listening
+
+def run(more):
+    # As in a process that has just begun.
+    asked.clear()
+    store._loaded.clear()
+    calling._entries.clear()
+    cloth = cape.Cloth.rectangle(width=0.2, height=0.2, spacing=0.05)
+    colliders = [cape.Sphere(radius=0.3, center=np.array([0.0, 1.0, 0.0]))]
+    if more == "box":
+        colliders.append(cape.Box(center=np.array([0.0, 1.0, 0.0])))
+    if more == "ellipsoid":
+        colliders.append(Ellipsoid(center=np.array([0.0, 1.0, 0.0]), thickness=0.03))
+    scene = cape.Scene(
+        cloth, [cape.attach(cloth, "rod", "top")], colliders,
+        wind=cape.Wind() if more == "wind" else None,
+        self_contact=cape.SelfContact() if more == "self-contact" else None,
+    )
+    solver = {"xpbd": cape.XPBD(), "implicit": cape.BackwardEuler(precision="single")}
+    chosen = solver.get(more, cape.SymplecticEuler(precision="single"))
+    simulation = cape.Simulation(scene, solver=chosen, threads=2 if more == "thread" else 1)
+    still = {"rod": ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])}
+    simulation.start(still)
+    for _ in range(2):
+        simulation.step(still, 1 / 60)
+    height = float(simulation.positions[:, 2].min())
+    return {"asked": {request.file: request.name for request in asked}, "height": height}
+
+seen = {more: run(more) for more in sys.argv[2:]}
+print(json.dumps({"seen": seen, "compiled": sorted(store.compiled), "numba": "numba" in sys.modules}))
 """
 
 
 class Seen(NamedTuple):
+    asked: dict[str, dict[str, str]]
     compiled: list[str]
     numba: bool
-    height: float
 
 
-def run(folder: Path, *more: str) -> Seen:
-    """A small cloth that hangs beside a sphere, and what was compiled for it, with code kept in a folder."""
-    seen = Seen(**json.loads(python(SCRIPT, *more, NUMBA_CACHE_DIR=str(folder))))
-    assert -0.3 < seen.height < -0.15
-    return seen
+def run(*scenes: str, folder: Path | None = None) -> Seen:
+    """Small cloths that hang beside a sphere, each with more in the scene: the code that they asked for, file and name.
+
+    Also what was compiled: without a folder of their own, what the suite hasn't needed before.
+    """
+    environment = {} if folder is None else {"NUMBA_CACHE_DIR": str(folder)}
+    told = json.loads(python(SCRIPT, "helped" if folder is None else "alone", *scenes, **environment))
+    for one in told["seen"].values():
+        assert -0.3 < one["height"] < -0.15
+    return Seen({more: one["asked"] for more, one in told["seen"].items()}, told["compiled"], told["numba"])
 
 
 BARE = {
     "run_frame", "begin_motion", "move_on", "grid_springs", "advance", "lift_attached", "hold_attached", "find_nearby",
     "watch_tiles", "keep_out", "nearest", "gaps of capsule", "whereabouts", "is_strained",
 }  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def known(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the code of the bare scene."""
-    folder = tmp_path_factory.mktemp("code")
-    first = run(folder)
-    assert first.compiled == sorted(BARE)
-    again = run(folder)
-    assert again.compiled == []
-    assert not again.numba
-    return folder
-
 
 OWN = {
     "wind": {"grid_air", "skin_drag"},
@@ -88,7 +100,32 @@ OWN = {
 }  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def asked() -> dict[str, dict[str, str]]:
+    """The code that each scene asks for."""
+    return run("nothing", *OWN).asked
+
+
+def test_a_bare_scene_needs_no_more_than_this(asked: dict[str, dict[str, str]]):
+    assert sorted(asked["nothing"].values()) == sorted(BARE)
+
+
 @pytest.mark.parametrize("more", OWN)
-def test_more_in_a_scene_compiles_what_belongs_to_it_and_nothing_else(known: Path, more: str):
-    seen = run(known, more)
-    assert seen.compiled == sorted(OWN[more])
+def test_more_in_a_scene_needs_what_belongs_to_it_and_nothing_else(asked: dict[str, dict[str, str]], more: str):
+    own = [name for file, name in asked[more].items() if file not in asked["nothing"]]
+    assert sorted(own) == sorted(OWN[more])
+
+
+def test_what_is_asked_for_and_missing_is_compiled_and_nothing_else(asked: dict[str, dict[str, str]], tmp_path: Path):
+    kept = store.folder()
+    assert kept is not None
+    (tmp_path / "cape").mkdir()
+    for file in asked["nothing"]:
+        shutil.copy(kept / file, tmp_path / "cape")
+    bare = run("nothing", folder=tmp_path)
+    assert bare.compiled == []
+    assert not bare.numba
+    # What is cheapest to compile.
+    more = run("thread", folder=tmp_path)
+    assert more.compiled == sorted(OWN["thread"])
+    assert {path.name for path in (tmp_path / "cape").iterdir()} == {*asked["nothing"], *asked["thread"]}

@@ -10,43 +10,24 @@ import pytest
 
 from cape.kernels import store
 from cape.kernels.contact import contact, shapes, units
-from cape.kernels.jit import Function, formula_of, routine
+from cape.kernels.jit import Function, formula_of
 from cape.kernels.store import Request
 from skeleton.shapes import Box, Plane
+from tests.compiler.functions import REQUESTS
 from tests.support.code import compiled_only
 from tests.support.processes import python
 
 pytestmark = compiled_only
 
-
-@routine
-def add(a, b):
-    return a + b
-
-
-@routine
-def multiply(a, b):
-    return a * b
-
-
-@routine
-def power(a, b):
-    return float(a) ** b
-
-
-ALL = ("add", "multiply", "power")
-KINDS = ("int", "float", "single")
-REQUESTS = [Request(f, (a, b)) for f in (add, multiply, power) for a, b in zip(KINDS, KINDS, strict=True)]
-
 SCRIPT = """
 import json, sys, time
 from cape.kernels import compiling, store
-from tests.compiler import test_compiling as test
+from tests.compiler import functions as test
 how, told, started = sys.argv[1], [], []
-compiling._cores = lambda: {"alone": 0, "forked": 2, "together": 2}.get(how, 1)
+compiling._cores = lambda: {"forked": 2, "together": 2}.get(how, 1)
 if how == "together":
     import numba
-elif how not in ("alone", "helper", "forked"):
+elif how != "forked":
     sys.executable = how
 def listen(name, done, count):
     told.append((name, done, count))
@@ -81,7 +62,7 @@ class Seen(NamedTuple):
 
 
 def run(how: str, folder: Path) -> Seen:
-    """Compile all into a folder: alone, by one helper or two, together with one, or by the file that is named."""
+    """Compile all into a folder: by two helpers, together with one, or by the file that is named."""
     seen = Seen(**json.loads(python(SCRIPT, how, NUMBA_CACHE_DIR=str(folder))))
     assert seen.missing == 0
     assert seen.results == [5, 3.5, 6, 1.5, 8, 0.125]
@@ -98,23 +79,23 @@ def pieces(folder: Path) -> dict[str, store.Piece]:
 
 
 def test_whoever_compiles_all_is_there_and_the_same(tmp_path: Path):
-    seen = {how: run(how, tmp_path / how) for how in ("alone", "helper", "forked", "together")}
-    alone, helper, forked, together = seen.values()
+    # Without a program to start there are no helpers.
+    alone, forked, together = (run(how, tmp_path / how) for how in (str(tmp_path / "nothing"), "forked", "together"))
     assert alone.ended == []
-    assert helper.ended == forked.ended == together.ended == [0]
+    assert forked.ended == together.ended == [0]
     # With nothing of numba loaded this process leaves all to the helpers; else it takes its share.
-    assert (alone.ours, helper.ours, forked.ours) == (len(REQUESTS), 0, 0)
+    assert (alone.ours, forked.ours) == (len(REQUESTS), 0)
     assert 0 < together.ours < len(REQUESTS)
     assert alone.numba
-    assert not helper.numba
-    for one in seen.values():
+    assert not forked.numba
+    for one in (alone, forked, together):
         assert sorted(name for name, _, _ in one.told[:-1]) == sorted(request.name for request in REQUESTS)
-    made = {how: pieces(tmp_path / how) for how in seen}
+    made = {how: pieces(tmp_path / how) for how in ("nothing", "forked", "together")}
     requests = {request.file for request in REQUESTS}
-    for how in ("helper", "forked", "together"):
+    for how in ("forked", "together"):
         for name in requests:
             # But for the numbers in the symbols' names, which tell how many were made before in the same process.
-            assert made[how][name].returns == made["alone"][name].returns
+            assert made[how][name].returns == made["nothing"][name].returns
 
 
 @pytest.mark.parametrize("begins", ["never", "and claims all"])
@@ -126,12 +107,6 @@ def test_a_helper_that_dies_is_made_up_for(tmp_path: Path, begins: str):
     helper.chmod(helper.stat().st_mode | stat.S_IXUSR)
     seen = run(str(helper), tmp_path / "cache")
     assert seen.ended == [1]
-    assert seen.ours == len(REQUESTS)
-
-
-def test_without_a_program_to_start_there_are_no_helpers(tmp_path: Path):
-    seen = run(str(tmp_path / "nothing"), tmp_path / "cache")
-    assert seen.ended == []
     assert seen.ours == len(REQUESTS)
 
 

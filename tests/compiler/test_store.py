@@ -4,36 +4,27 @@ They need the compiler.
 """
 
 import json
+import logging
+import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from cape.kernels import store
 from cape.kernels.contact import shapes
-from cape.kernels.jit import Function, formula_of, routine
+from cape.kernels.jit import Function, formula_of
 from cape.kernels.store import Piece, Request
 from skeleton.shapes import Box, Plane
+from tests.compiler.functions import scaled, summed
 from tests.support.code import compiled_only
 from tests.support.processes import python
 
 pytestmark = compiled_only
-
-
-@routine
-def summed(values):
-    result = 0.0
-    for value in values:
-        result += value
-    return result
-
-
-@routine
-def scaled(values, factor):
-    for i in range(values.size):
-        values[i] *= factor
 
 
 # -- pieces --
@@ -175,7 +166,7 @@ SCRIPT = """
 import json, sys
 import numpy as np
 from cape.kernels import store
-from tests.compiler.test_store import scaled, summed
+from tests.compiler.functions import scaled, summed
 values = np.arange(5.0)
 scaled(values, 3.0)
 print(json.dumps({
@@ -202,20 +193,28 @@ def run(folder: Path) -> Seen:
 ALL = ["scaled", "summed", "summed"]
 
 
-def test_what_is_on_disk_is_not_compiled_and_needs_no_compiler(tmp_path: Path):
-    first, second = run(tmp_path), run(tmp_path)
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that a process has compiled all into."""
+    folder = tmp_path_factory.mktemp("kept")
+    first = run(folder)
     assert first.compiled == ALL
     assert first.numba
+    return folder
+
+
+def test_what_is_on_disk_is_not_compiled_and_needs_no_compiler(kept: Path):
+    second = run(kept)
     assert second.compiled == []
     assert not second.numba
     # Whole files alone, each named for its function.
-    names = sorted(path.name.split("-")[0] for path in (tmp_path / "cape").iterdir())
+    names = sorted(path.name.split("-")[0] for path in (kept / "cape").iterdir())
     assert names == ALL
-    assert all(path.suffix == ".o" for path in (tmp_path / "cape").iterdir())
+    assert all(path.suffix == ".o" for path in (kept / "cape").iterdir())
 
 
-def test_files_that_are_not_whole_are_compiled_anew(tmp_path: Path):
-    run(tmp_path)
+def test_files_that_are_not_whole_are_compiled_anew(kept: Path, tmp_path: Path):
+    shutil.copytree(kept / "cape", tmp_path / "cape")
     files = sorted((tmp_path / "cape").iterdir())
     whole = [path.read_bytes() for path in files]
     middle = len(whole[1]) // 2
@@ -227,48 +226,54 @@ def test_files_that_are_not_whole_are_compiled_anew(tmp_path: Path):
     assert [path.read_bytes() for path in files] == whole
 
 
-WATCHING = """
-import logging
-class Watch(logging.Handler):
-    def emit(self, record):
-        print(record.levelname, record.getMessage())
-log = logging.getLogger("cape.compiling")
-log.addHandler(Watch())
-log.setLevel(logging.WARNING)
-log.propagate = False
-{before}
-import numpy as np
-from cape.kernels import store
-from tests.compiler.test_store import scaled, summed
-values = np.arange(5.0)
-scaled(values, 3.0)
-print(summed(values), summed(np.arange(4)))
-print(sorted(store.compiled))
-"""
+@pytest.fixture
+def told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> Iterator[pytest.LogCaptureFixture]:
+    """Warnings, as of a process that keeps code in `tmp_path / "own"` and has compiled nothing yet."""
+    caches = (store.folder, store._tell_that_nothing_is_kept)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "own"))
+    for name, empty in (("compiled", []), ("_loaded", {}), ("_pieces", {})):
+        monkeypatch.setattr(store, name, empty)
+    for each in caches:
+        each.cache_clear()
+    caplog.set_level(logging.WARNING, "cape.compiling")
+    yield caplog
+    monkeypatch.undo()
+    for each in caches:
+        each.cache_clear()
 
 
-def test_without_a_folder_to_write_to_all_works_and_it_is_said_once(tmp_path: Path):
-    file = tmp_path / "file"
-    file.write_text("not a folder")
-    warning, sums, compiled = python(WATCHING.format(before=""), NUMBA_CACHE_DIR=str(file)).splitlines()
-    assert warning.startswith(f"WARNING compiled code can't be kept in {file / 'cape'} (")
-    assert warning.endswith("): it is compiled anew in each run")
-    assert sums == "30.0 6.0"
-    assert compiled == str(ALL)
+def computes() -> None:
+    """Functions that nothing knows yet are compiled, and compute what they should."""
+    first, second, values = Function(summed.python), Function(scaled.python), np.arange(5.0)
+    second(values, 3.0)
+    assert (first(values), first(np.arange(4))) == (30.0, 6.0)
+    assert sorted(store.compiled) == ALL
 
 
-def test_a_disk_that_becomes_full_is_borne_and_told_once(tmp_path: Path):
-    full = """
-from pathlib import Path
-def refuse(self, text):
-    raise OSError(28, "No space left on device")
-Path.write_bytes = refuse
-"""
-    warning, sums, compiled = python(WATCHING.format(before=full), NUMBA_CACHE_DIR=str(tmp_path)).splitlines()
-    assert warning.startswith(f"WARNING compiled code can't be kept in {tmp_path / 'cape'} (No space left on device)")
-    assert sums == "30.0 6.0"
-    assert compiled == str(ALL)
-    assert list((tmp_path / "cape").iterdir()) == []
+def test_without_a_folder_to_write_to_all_works_and_it_is_said_once(tmp_path: Path, told: pytest.LogCaptureFixture):
+    (tmp_path / "own").write_text("not a folder")
+    computes()
+    (record,) = told.records
+    assert record.levelname == "WARNING"
+    assert record.getMessage().startswith(f"compiled code can't be kept in {tmp_path / 'own' / 'cape'} (")
+    assert record.getMessage().endswith("): it is compiled anew in each run")
+
+
+def test_a_disk_that_becomes_full_is_borne_and_told_once(
+    tmp_path: Path, told: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+):
+    def refuse(self: Path, text: bytes) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", refuse)
+    computes()
+    (record,) = told.records
+    assert record.levelname == "WARNING"
+    place = tmp_path / "own" / "cape"
+    assert record.getMessage().startswith(f"compiled code can't be kept in {place} (No space left on device)")
+    assert list(place.iterdir()) == []
 
 
 def test_the_folder_is_where_it_was_asked_for_or_the_user_s_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
