@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -10,11 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from cape import Box, Cloth, Plane, Scene, Simulation, Sphere, SymplecticEuler, attach
 from cape.scene.colliders import Collider
 from skeleton.track import BoneTrack
-from tests.support.arrangements import COUNT, FRAMES, SHALLOW, STARTS, Arrangement, arrangement, depths
+from tests.support import arrangements
+from tests.support.arrangements import COUNT, FRAMES, SHALLOW, STARTS, Arrangement, depths
 from tests.support.code import compiled_only, requests_of
 from tests.support.contact_judge import PATIENCE, Judge, run
 
 FloatArray = NDArray[np.float64]
+
+arrangement = cache(arrangements.arrangement)  # many tests look at the same ones
 
 SOME = range(0, COUNT, 10)
 RADIUS, THICKNESS = 0.1, Scene.thickness
@@ -157,7 +161,7 @@ def test_the_middle_of_a_ball_has_no_way_out():
 
 
 def test_an_arrangement_is_made_again_by_its_number():
-    one, two, other = arrangement(7), arrangement(7), arrangement(8)
+    one, two, other = (arrangements.arrangement(number) for number in (7, 7, 8))
     np.testing.assert_array_equal(one.track.positions, two.track.positions)
     np.testing.assert_array_equal(one.track.rotations_wxyz, two.track.rotations_wxyz)
     np.testing.assert_array_equal(one.scene.cloth.positions, two.scene.cloth.positions)

@@ -1,5 +1,7 @@
 """Coulomb friction with every solver, on slopes and on surfaces that move, at any number of substeps."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -128,6 +130,7 @@ def test_a_belt_takes_along_at_mu_g_until_its_speed_is_reached(solver: Solver, s
     np.testing.assert_allclose(run.velocities[:, 0], 0.0, atol=0.1 * slack)
 
 
+@cache
 def on_turntable(where: float, spin: float, friction: float, time: float) -> FloatArray:
     """Where a point (2,) [m] that set out with a turntable at x = `where` is after a time [s], in tiny steps."""
     place, steps = np.array([where, 0.0]), 20_000

@@ -179,8 +179,8 @@ def _motion(
     way = _direction(random)
     if isinstance(solid, Plane):  # drawn back to where its normal comes from
         way = -quaternions.rotate(first, solid.normal)
-    start = target + random.uniform(0.0, 0.3) * way
-    while (excess := depths(solid, start, first, cloth.positions).max() - depth) > 0.0:
+    start, matrix = target + random.uniform(0.0, 0.3) * way, quaternions.to_matrix(first)
+    while (excess := _depths(solid, start, matrix, cloth.positions).max() - depth) > 0.0:
         start = start + (excess + NUDGE) * way
     place, turn = np.tile(start, (len(times), 1)), np.tile(first, (len(times), 1))
     moving = np.minimum(times, MOVING / FPS)
@@ -212,7 +212,11 @@ def depths(solid: Collider, place: FloatArray, turn: FloatArray, points: FloatAr
 
     Its bone is at places that broadcast against the points, turned bone_to_world wxyz (..., 4).
     """
-    local = (points - place) @ quaternions.to_matrix(turn)
+    return _depths(solid, place, quaternions.to_matrix(turn), points)
+
+
+def _depths(solid: Collider, place: FloatArray, matrix: FloatArray, points: FloatArray) -> FloatArray:
+    local = (points - place) @ matrix
     return -signed_distance(solid, local.reshape(-1, 3)).reshape(local.shape[:-1])
 
 

@@ -28,7 +28,9 @@ from numpy.typing import NDArray
 import cape
 from cape import Diverged, Pose, Simulation, Solver
 from cape.cloth.triangle_mesh import edges_of
-from tests.support.arrangements import COUNT, FPS, NUDGE, Arrangement, arrangement, depths
+from motions import quaternions
+from skeleton.solid_measures import signed_distance
+from tests.support.arrangements import COUNT, FPS, NUDGE, Arrangement, arrangement
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -128,6 +130,9 @@ class Judge:
         """Find what of the cloth is free, and how far from what is held it may get."""
         scene, self._track = given.scene, given.track
         self._solids = list(scene.colliders[: given.present])
+        bones = [self._track.index(str(solid.bone)) for solid in self._solids]
+        self._places = self._track.positions[:, bones]
+        self._turns = quaternions.to_matrix(self._track.rotations_wxyz[:, bones])
         self._thickness = scene.thickness
         (attachment,) = scene.attachments
         self._held = attachment.vertices
@@ -137,7 +142,7 @@ class Judge:
         away = np.linalg.norm(pattern[:, None] - pattern[None, self._held], axis=2)
         self._leash = (1.0 + STRAIN) * away
         self._edges = edges_of(scene.cloth.triangles).vertices
-        self._rest = self._lengths(pattern)
+        self._rest = self._lengths(pattern, self._edges)
         shape = (given.present, scene.cloth.vertices)
         self._streak, self._pinched = np.zeros(shape, int), np.zeros(shape, int)
         self._longest, self._longest_pinched = np.zeros(shape, int), np.zeros(shape, int)
@@ -145,20 +150,21 @@ class Judge:
 
     def strain(self, positions: FloatArray) -> float:
         """Largest strain of a spring, with vertices at positions (V, 3) [m]."""
-        return float((self._lengths(positions) / self._rest).max()) - 1.0
+        return float((self._lengths(positions, self._edges) / self._rest).max()) - 1.0
 
-    def _lengths(self, points: FloatArray) -> FloatArray:
-        first, second = self._edges.T
+    def _lengths(self, points: FloatArray, edges: NDArray[np.integer]) -> FloatArray:
+        first, second = edges.T
         return np.linalg.norm(points[second] - points[first], axis=1)
 
     def see(self, frame: int, positions: FloatArray) -> None:
         """Look at positions (V, 3) [m] at the end of a frame."""
-        for c in range(len(self._solids)):
-            depth = -self._distance(c, frame, positions)
+        distances = [self._distance(c, frame, positions) for c in range(len(self._solids))]
+        for c, distance in enumerate(distances):
+            depth = -distance
             deep = (depth > DEEP) & self._free
             stuck = np.zeros_like(deep)
             if deep.any():
-                stuck[deep] = self._has_way_out(c, frame, positions, np.flatnonzero(deep))
+                stuck[deep] = self._has_way_out(c, frame, positions, np.flatnonzero(deep), distances)
             self._streak[c] = np.where(stuck, self._streak[c] + 1, 0)
             self._pinched[c] = np.where(deep & ~stuck, self._pinched[c] + 1, 0)
             longer = self._streak[c] > self._longest[c]
@@ -178,51 +184,62 @@ class Judge:
 
     def _distance(self, collider: int, frame: int, points: FloatArray) -> FloatArray:
         """Signed distances of points in the world (N, 3) from a collider at a frame [m], shape (N,)."""
-        solid = self._solids[collider]
-        bone = self._track.index(str(solid.bone))
-        return -depths(solid, self._track.positions[frame, bone], self._track.rotations_wxyz[frame, bone], points)
+        local = (points - self._places[frame, collider]) @ self._turns[frame, collider]
+        return signed_distance(self._solids[collider], local)
 
-    def _has_way_out(self, collider: int, frame: int, positions: FloatArray, deep: NDArray[np.int64]) -> BoolArray:
-        """Which of the deep vertices have one."""
+    def _has_way_out(
+        self, collider: int, frame: int, positions: FloatArray, deep: NDArray[np.int64], distances: list[FloatArray]
+    ) -> BoolArray:
+        """Which of the deep vertices have one; with distances of all vertices from all colliders."""
         following = min(frame + 1, self._track.frames - 1)
         distance = partial(self._distance, collider, frame)
         exits = positions[deep]
         for _ in range(3):
             # Twice more where the nearest surface is not straight ahead, as in the corner of a box.
             exits = exits + (self._thickness - distance(exits))[:, None] * _slope(distance, exits)
-        clear = self._thickness - CLEAR
+        clear, reached = self._thickness - CLEAR, distance(exits)
         # Where a vertex is in the middle of a solid there is no nearest place outside.
-        way_out = distance(exits) > clear
-        way_out &= (distance(exits) - self._distance(collider, following, exits)) * FPS < SWEPT
-        for other in range(len(self._solids)):
-            if other != collider:
-                for when in (frame, following):
-                    way_out &= self._distance(other, when, exits) > clear
-        way_out &= self._is_open(collider, frame, positions[deep], exits)
-        leaving = positions.copy()
-        threads = self._edges[np.isin(self._edges, deep).any(axis=1)]
-        for share in THREADED:
-            leaving[deep] = positions[deep] + share * (exits - positions[deep])
-            closed = ~self._is_open(collider, frame, *leaving[threads.T])
-            way_out &= ~np.isin(deep, threads[closed])
+        way_out = reached > clear
+        way_out &= (reached - self._distance(collider, following, exits)) * FPS < SWEPT
+        others = [other for other in range(len(self._solids)) if other != collider]
+        for other in others:
+            for when in (frame, following):
+                way_out &= self._distance(other, when, exits) > clear
+        if not way_out.any():
+            return way_out
+        going = np.zeros(len(positions), dtype=bool)
+        going[deep[way_out]] = True
+        threads = self._edges[going[self._edges].any(axis=1)]
+        # A distance changes no faster than the place: what is far from all places that are looked at bars nothing.
+        span = 2.0 * np.linalg.norm(exits - positions[deep], axis=1).max() + self._lengths(positions, threads).max() / 2
+        others = [other for other in others if distances[other][threads].min() < span]
+        way_out &= self._is_open(others, frame, positions[deep], exits)
+        leaving = np.repeat(positions[None], len(THREADED), axis=0)
+        for moved, share in zip(leaving, THREADED, strict=True):
+            moved[deep] = positions[deep] + share * (exits - positions[deep])
+        first, second = leaving[:, threads[:, 0]], leaving[:, threads[:, 1]]
+        is_open = self._is_open(others, frame, first.reshape(-1, 3), second.reshape(-1, 3))
+        barred = np.zeros(len(positions), dtype=bool)
+        barred[threads[~is_open.reshape(len(THREADED), -1).all(axis=0)]] = True
+        way_out &= ~barred[deep]
         away = np.linalg.norm(exits[:, None] - positions[None, self._held], axis=2)
         return way_out & (away < self._leash[deep]).all(axis=1)
 
-    def _is_open(self, collider: int, frame: int, start: FloatArray, end: FloatArray) -> BoolArray:
-        """Tell which of the straight ways between points (N, 3) [m] run through no other collider."""
+    def _is_open(self, others: list[int], frame: int, start: FloatArray, end: FloatArray) -> BoolArray:
+        """Tell which of the straight ways between points (N, 3) [m] run through none of the other colliders."""
         ways = start[:, None] + np.linspace(0.0, 1.0, SAMPLES)[:, None] * (end - start)[:, None]
         free = np.ones(len(start), dtype=bool)
-        for other in range(len(self._solids)):
-            if other != collider:
-                through = self._distance(other, frame, ways.reshape(-1, 3)).reshape(ways.shape[:2])
-                free &= (through > -DEEP).all(axis=1)
+        for other in others:
+            through = self._distance(other, frame, ways.reshape(-1, 3)).reshape(ways.shape[:2])
+            free &= (through > -DEEP).all(axis=1)
         return free
 
 
 def _slope(distance: Callable[[FloatArray], FloatArray], points: FloatArray) -> FloatArray:
     """Directions in which a distance grows, of length one, at points (N, 3) [m]."""
-    steps = NUDGE * np.eye(3)
-    slope = np.stack([distance(points + step) - distance(points - step) for step in steps], axis=1)
+    steps = NUDGE * np.concatenate([np.eye(3), -np.eye(3)])
+    around = distance((points + steps[:, None]).reshape(-1, 3)).reshape(2, 3, -1)
+    slope = (around[0] - around[1]).T
     length = np.linalg.norm(slope, axis=1, keepdims=True)
     return slope / np.maximum(length, 1e-300)
 

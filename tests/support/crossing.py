@@ -2,13 +2,14 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 
 def crossings(positions: NDArray[np.floating], triangles: NDArray[np.integer]) -> int:
     """Number of edges and triangles without a common vertex of which one passes through the other."""
     p = np.asarray(positions, dtype=float)
-    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges = np.unique(sides, axis=0)
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64), axis=1)
+    edges = np.stack(np.divmod(np.unique(sides[:, 0] * len(p) + sides[:, 1]), len(p)), axis=1)
     edge, triangle = _overlapping(p[edges], p[triangles])
     apart = ~(edges[edge][:, :, None] == triangles[triangle][:, None, :]).any(axis=(1, 2))
     edge, triangle = edge[apart], triangle[apart]
@@ -29,11 +30,11 @@ def crossings(positions: NDArray[np.floating], triangles: NDArray[np.integer]) -
 
 
 def _overlapping(edges: NDArray[np.floating], triangles: NDArray[np.floating]) -> tuple[NDArray, NDArray]:
-    """Edges and triangles whose boxes overlap."""
-    overlap = np.ones((len(edges), len(triangles)), dtype=bool)
-    for axis in range(3):
-        e, t = edges[..., axis], triangles[..., axis]
-        overlap &= e.min(axis=1)[:, None] <= t.max(axis=1)
-        overlap &= t.min(axis=1) <= e.max(axis=1)[:, None]
-    edge, triangle = np.nonzero(overlap)
-    return edge, triangle
+    """Edges (E, 2, 3) and triangles (T, 3, 3) whose boxes overlap, of those whose middles are near enough for it."""
+    (low, high), (least, most) = ((corners.min(axis=1), corners.max(axis=1)) for corners in (edges, triangles))
+    reach = sum(np.linalg.norm(to - fro, axis=1).max() / 2 for fro, to in ((low, high), (least, most)))
+    middles, others = (KDTree((fro + to) / 2) for fro, to in ((low, high), (least, most)))
+    near = middles.sparse_distance_matrix(others, (1.0 + 1e-9) * reach, output_type="ndarray")
+    edge, triangle = near["i"], near["j"]
+    overlap = ((low[edge] <= most[triangle]) & (least[triangle] <= high[edge])).all(axis=1)
+    return edge[overlap], triangle[overlap]
