@@ -166,9 +166,12 @@ def triangle_near(shapes: Colliders, rng: np.random.Generator) -> FloatArray:
     while True:
         edge = rng.uniform(0.01, 0.04)
         corners = rng.uniform(-1, 1, (3, 3))
-        corners *= edge / np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).max()
+        sides = corners[[1, 2, 0]] - corners
+        squares = (sides * sides).sum(axis=1)
+        scale = edge / np.sqrt(squares.max())
+        corners = scale * corners
         corners += rng.uniform(-reach, reach, 3) - corners.mean(axis=0)
-        area = np.linalg.norm(np.cross(corners[1] - corners[0], corners[2] - corners[0])) / 2
+        area = np.sqrt(max(squares[0] * squares[1] - (sides[0] @ sides[1]) ** 2, 0.0)) * scale**2 / 2
         if area > 0.05 * edge**2 and abs(distance_at(shapes, corners.mean(axis=0)[None])[0]) < edge:
             return corners
 

@@ -111,12 +111,21 @@ class World:
 
     def distances(self, time: float) -> FloatArray:
         """Of all vertices from all colliders [m], (C, N)."""
-        m, points = self.bones(time), np.stack(self.state[:3], axis=1).astype(float)
-        return np.array([self.distance_of(points, c, m) for c in range(len(self.shapes.records))])
+        return self.distances_in([(self.points, self.bones(time))])[0]
 
-    def distance_of(self, points: FloatArray, c: int, m: MotionRoom) -> FloatArray:
-        """Of points (N, 3) from a collider [m]."""
-        in_bone = (points - m.positions[c]) @ m.matrices[c]
+    @property
+    def points(self) -> FloatArray:
+        """Where the vertices are [m], (N, 3)."""
+        return np.stack(self.state[:3], axis=1).astype(float)
+
+    def distances_in(self, moments: list[tuple[FloatArray, MotionRoom]]) -> FloatArray:
+        """Of points (N, 3) from all colliders [m] in each of some moments, (M, C, N)."""
+        found = [self.distance_of(moments, c).reshape(len(moments), -1) for c in range(len(self.shapes.records))]
+        return np.stack(found, axis=1)
+
+    def distance_of(self, moments: list[tuple[FloatArray, MotionRoom]], c: int) -> FloatArray:
+        """Of points (N, 3) in each of some moments from a collider [m], (M N,)."""
+        in_bone = np.concatenate([(points - m.positions[c]) @ m.matrices[c] for points, m in moments])
         in_shape = (in_bone - self.shapes.records.origin[c]) @ self.shapes.records.frame[c]
         kind, sizes = kind_of(self.shapes, c), self.shapes.records.sizes[c]
         if kind is Ellipsoid:  # by bisection, which test_distance.py holds against brute force
@@ -131,11 +140,11 @@ def test_no_pair_that_comes_near_within_the_frame_is_left_out(kind: Kind):
         world = World.random(kind, seed, speed=2.0, reach=0.3, cloth=0.05)
         watch.begin(0, world.state.x.size, world.state, world.shapes, world.bones(0.0), FRAME)
         active = set(world.shapes.active[1 : 1 + world.shapes.active[0]].tolist())
-        touched = world.distances(0.0).min(axis=1) < THICKNESS
-        steps = 8
+        moments, steps = [(world.points, world.bones(0.0))], 8
         for k in range(1, steps + 1):
             world.fall(FRAME / steps)
-            touched |= world.distances(k * FRAME / steps).min(axis=1) < THICKNESS
+            moments.append((world.points, world.bones(k * FRAME / steps)))
+        touched = world.distances_in(moments).min(axis=(0, 2)) < THICKNESS
         assert set(np.flatnonzero(touched).tolist()) <= active
         near += int(touched.sum())
         left_out += len(touched) - len(active)
@@ -179,15 +188,17 @@ def test_what_sleeps_never_hides_a_contact(kind: Kind, speed: float, substeps: i
         count = world.state.x.size
         free = np.ones(count, bool)
         watch.begin(0, count, world.state, world.shapes, world.bones(0.0), FRAME)
+        moments, moved = [], []
         for turn in range(substeps):
             world.fall(step)
-            inside = (world.distances((turn + 1) * step) < THICKNESS - 1e-9).any(axis=0)
-            before = np.stack(world.state[:3])
+            before, m = world.points, world.bones((turn + 1) * step)
+            moments.append((before, m))
             asleep += int((world.shapes.wake > turn).sum())
-            collide(0, count, free, world.state, None, world.shapes, world.bones((turn + 1) * step), 1.0, turn, step)
-            moved = (np.stack(world.state[:3]) != before).any(axis=0)
-            assert moved[inside].all()
-            contacts += int(inside.sum())
+            collide(0, count, free, world.state, None, world.shapes, m, 1.0, turn, step)
+            moved.append((world.points != before).any(axis=1))
+        inside = (world.distances_in(moments) < THICKNESS - 1e-9).any(axis=1)
+        assert np.array(moved)[inside].all()
+        contacts += int(inside.sum())
     assert contacts > 20
     assert asleep > 100 or substeps == 8
 
@@ -213,7 +224,7 @@ def test_triangles_that_sleep_never_hide_a_contact(kind: Kind, speed: float, sub
             points = np.einsum("wk,ktc->wtc", weights, before.T[corners.T])
             inside = np.zeros(len(corners), bool)
             for c in range(5):
-                distances = world.distance_of(points.reshape(-1, 3), c, m).reshape(len(weights), -1).min(axis=0)
+                distances = world.distance_of([(points.reshape(-1, 3), m)], c).reshape(len(weights), -1).min(axis=0)
                 deep = -0.9 * PIERCED * world.shapes.records.core[c]
                 # The search for the deepest point may leave some tenths of a millimetre of these long triangles.
                 inside |= (distances < SHARE * THICKNESS - 5e-4) & (distances > deep)

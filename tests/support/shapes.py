@@ -24,18 +24,24 @@ Kind = type[Shape]
 KINDS: tuple[Kind, ...] = (Capsule, TaperedCapsule, Box, Plane, Cylinder, Ellipsoid)  # a sphere is a short capsule
 
 
+def lengths(vectors: FloatArray) -> FloatArray:
+    """Lengths of vectors (N, 3), shape (N,)."""
+    return np.sqrt(np.einsum("nk,nk->n", vectors, vectors))
+
+
 def capsule_distance(points: FloatArray, start: ArrayLike, end: ArrayLike, radius: float) -> FloatArray:
     """Distance of points (N, 3) from a capsule's surface [m], negative inside, shape (N,).
 
     The least of the distances from both ends and, between them, from the axis as a line.
     """
     a, b = np.asarray(start, float), np.asarray(end, float)
-    nearest = np.minimum(np.linalg.norm(points - a, axis=1), np.linalg.norm(points - b, axis=1))
+    from_start = points - a
+    nearest = np.minimum(lengths(from_start), lengths(points - b))
     length = float(np.linalg.norm(b - a))
     if length > 0:
         axis = (b - a) / length
-        along = (points - a) @ axis
-        off_axis = np.linalg.norm(np.cross(points - a, axis), axis=1)
+        along = from_start @ axis
+        off_axis = lengths(from_start - along[:, None] * axis)
         nearest = np.where((along >= 0) & (along <= length), off_axis, nearest)
     return nearest - radius
 
@@ -43,29 +49,33 @@ def capsule_distance(points: FloatArray, start: ArrayLike, end: ArrayLike, radiu
 def tapered_distance(points: FloatArray, start: ArrayLike, end: ArrayLike, radii: tuple[float, float]) -> FloatArray:
     """Distance of points (N, 3) from the hull of two spheres [m], negative inside, shape (N,).
 
-    The hull is all spheres in between: the least of |p - c(t)| - r(t), a convex function of t, on ever finer grids.
+    The hull is all spheres in between: the least of |p - c(s)| - r(s), a convex function of the way s along the axis,
+    on ever finer grids.
     """
     a, b, shares = np.asarray(start, float), np.asarray(end, float), np.linspace(0.0, 1.0, 33)
-    low, width, every = np.zeros(len(points)), 1.0, np.arange(len(points))
+    length, every = float(np.linalg.norm(b - a)), np.arange(len(points))
+    axis, grows = (b - a) / length, (radii[1] - radii[0]) / length
+    along = (points - a) @ axis
+    aside = (lengths(points - a - along[:, None] * axis) ** 2)[:, None]
+    low, width = np.zeros(len(points)), length
     least = np.full(len(points), np.inf)
     for _ in range(10):
-        t = low[:, None] + width * shares
-        off = (
-            np.linalg.norm(points[:, None] - a - t[:, :, None] * (b - a), axis=2) - radii[0] - t * (radii[1] - radii[0])
-        )
+        steps = width * shares
+        ahead = (low - along)[:, None] + steps
+        off = np.sqrt(ahead * ahead + aside) - grows * steps
         best = off.argmin(axis=1)
-        least = np.minimum(least, off[every, best])
-        low = np.clip(t[every, best] - width / 32.0, 0.0, 1.0)
+        least = np.minimum(least, off[every, best] - grows * low)
+        low = low + steps[best] - width / 32.0
         width *= 2.0 / 32.0
-        low = np.minimum(low, 1.0 - width)
-    return least
+        low = np.minimum(np.maximum(low, 0.0), length - width)
+    return least - radii[0]
 
 
 def box_distance(points: FloatArray, halves: ArrayLike) -> FloatArray:
     """Distance of points (N, 3), in the box's own frame, from its surface [m], negative inside, shape (N,)."""
     beyond = np.abs(points) - np.asarray(halves, float)
-    outside = np.linalg.norm(np.clip(beyond, 0, None), axis=1)
-    return np.where((beyond <= 0).all(axis=1), beyond.max(axis=1), outside)
+    deepest = beyond.max(axis=1)
+    return np.where(deepest <= 0, deepest, lengths(np.maximum(beyond, 0.0)))
 
 
 def cylinder_distance(points: FloatArray, half_length: float, radius: float) -> FloatArray:
