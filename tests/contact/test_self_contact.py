@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -322,17 +323,22 @@ def walked(
     return np.array(positions), crossed
 
 
+@cache
+def on_a_walk(contact: SelfContact | None) -> tuple[FloatArray, int]:
+    return walked(contact, 120)
+
+
 def test_a_cape_does_not_pass_through_itself_on_a_walk():
-    assert walked(TOUCHING, 120)[1] == 0
-    assert walked(None, 120)[1] > 0
+    assert on_a_walk(TOUCHING)[1] == 0
+    assert on_a_walk(None)[1] > 0
 
 
 def test_runs_repeat_to_the_last_bit_on_any_number_of_threads():
     # In the ninth frame the cape first touches itself.
-    first = walked(TOUCHING, 12)[0]
+    first = on_a_walk(TOUCHING)[0][:12]
     np.testing.assert_array_equal(walked(TOUCHING, 12)[0], first)
     np.testing.assert_array_equal(walked(TOUCHING, 12, threads=2)[0], first)
-    assert not np.array_equal(walked(None, 12)[0], first)
+    assert not np.array_equal(on_a_walk(None)[0][:12], first)
 
 
 def falling(frames: int) -> Simulation:
