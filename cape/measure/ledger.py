@@ -65,6 +65,8 @@ FloatArray = NDArray[np.float64]
 
 ATTACHMENTS, CONTACTS, AIR, DAMPING, NUMERICAL, MOVED = range(6)
 
+TOGETHER = 16_384  # vertices times steps that are looked at in one go: so much fits the processor's cache
+
 
 @dataclass(frozen=True, eq=False)
 class Balance:
@@ -181,39 +183,57 @@ class Ledger:
         """What the terms gain in a frame that starts at the state `begin` (6, N) with steps of `h` [s], shape (6,)."""
         if self._forces is None or self._forces.assembly.springs is not assembly.springs:
             self._forces = _Forces(assembly)
-        sums, mass, held = np.zeros(6), assembly.mass, ~assembly.free
-        forces = self._forces.at(begin)
-        for integrated, ended, pressed in zip(*(part.astype(float) for part in journal), strict=True):
-            forces_at_end = self._forces.at(ended)
-            _, damping, air = 0.5 * (forces + forces_at_end)
-            between = self._forces.conservative(0.5 * (begin + ended))
-            conservative = (forces[0] + 4.0 * between + forces_at_end[0]) / 6.0
-            moved, gained, mean = ended[:3] - begin[:3], ended[3:] - begin[3:], 0.5 * (begin[3:] + ended[3:])
-            damped, blown = h * _dots(damping, mean), h * _dots(air, mean)
-            left = mass * _dots(gained, mean) - _dots(conservative, moved) - damped - blown
-            kicked = ended[3:] - integrated[3:]
-            pushed = ended[:3] - integrated[:3] - h * kicked
-            touched = mass * _dots(kicked, mean) - _dots(conservative, pushed)
-            touched = np.where(held, 0.0, np.where(pressed, left, touched))
-            attachments = left[held].sum()
-            if self._sweeps and held.any():
-                weight = self._forces.weight
-                given = integrated[3:] - begin[3:]
-                impulse = (h * (weight + air) - mass * given)[:, ~held].sum(axis=1)
-                stretched = h * (conservative - weight + damping)[:, held].sum(axis=1)
-                attachments -= (impulse - stretched) @ moved[:, held].mean(axis=1) / h
-            sums[ATTACHMENTS] += attachments
-            sums[CONTACTS] += touched.sum()
-            sums[NUMERICAL] += left.sum() - attachments - touched.sum()
-            sums[AIR] += blown.sum()
-            sums[DAMPING] -= damped.sum()
-            begin, forces = ended, forces_at_end
+        sums, count = np.zeros(6), max(1, TOGETHER // begin.shape[1])
+        for first in range(0, len(journal.ended), count):
+            some = slice(first, first + count)
+            integrated, ended = (states[some].astype(float) for states in (journal.integrated, journal.ended))
+            sums += self._work_of_steps(assembly, begin, integrated, ended, journal.pressed[some], h)
+            begin = ended[-1]
+        return sums
+
+    def _work_of_steps(
+        self,
+        assembly: Assembly,
+        begin: FloatArray,
+        integrated: FloatArray,
+        ended: FloatArray,
+        pressed: NDArray[np.bool_],
+        h: float,
+    ) -> FloatArray:
+        """The same for some of the steps, as a journal has them, of which the first starts at the state `begin`."""
+        assert self._forces is not None
+        mass, held = assembly.mass, ~assembly.free
+        states = np.concatenate([begin[None], ended])
+        begun = states[:-1]
+        forces = self._forces.at(states)
+        damping, air = 0.5 * (forces[1:, :-1] + forces[1:, 1:])
+        between = self._forces.conservative(0.5 * (begun + ended))
+        conservative = (forces[0, :-1] + 4.0 * between + forces[0, 1:]) / 6.0
+        moved, gained = ended[:, :3] - begun[:, :3], ended[:, 3:] - begun[:, 3:]
+        mean = 0.5 * (begun[:, 3:] + ended[:, 3:])
+        damped, blown = h * _dots(damping, mean), h * _dots(air, mean)
+        left = mass * _dots(gained, mean) - _dots(conservative, moved) - damped - blown
+        kicked = ended[:, 3:] - integrated[:, 3:]
+        pushed = ended[:, :3] - integrated[:, :3] - h * kicked
+        touched = mass * _dots(kicked, mean) - _dots(conservative, pushed)
+        touched = np.where(held, 0.0, np.where(pressed, left, touched)).sum()
+        attachments = left[:, held].sum()
+        if self._sweeps and held.any():
+            weight = self._forces.weight
+            given = integrated[:, 3:] - begun[:, 3:]
+            impulse = (h * (weight + air) - mass * given)[:, :, ~held].sum(axis=2)
+            stretched = h * (conservative - weight + damping)[:, :, held].sum(axis=2)
+            attachments -= ((impulse - stretched) * moved[:, :, held].mean(axis=2)).sum() / h
+        sums = np.zeros(6)
+        sums[ATTACHMENTS], sums[CONTACTS] = attachments, touched
+        sums[NUMERICAL] = left.sum() - attachments - touched
+        sums[AIR], sums[DAMPING] = blown.sum(), -damped.sum()
         return sums
 
 
 def _dots(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Scalar products of the columns of (3, N) arrays, shape (N,)."""
-    return np.einsum("ci,ci->i", a, b)
+    """Scalar products of the columns of (S, 3, N) arrays, shape (S, N)."""
+    return np.einsum("sci,sci->si", a, b)
 
 
 class _Forces:
@@ -223,7 +243,8 @@ class _Forces:
         self.assembly = assembly
         self.weight = np.outer(assembly.scene.gravity, assembly.mass)
         count = assembly.cloth.vertices
-        self._state = State(*np.zeros((6, count)))
+        self._room = np.zeros((6, count))
+        self._state = State(*self._room)
         self._forces = np.zeros((3, count))
         self._linker = Linker()
         self._programs = {account: self._program(account) for account in ("elastic", "air")}
@@ -242,26 +263,26 @@ class _Forces:
                 uses += force.uses(acting, force.arrays(self.assembly, np.float64))
         return self._linker.frame([], uses, Team.alone(len(self._state.x))) if uses else None
 
-    def at(self, state: FloatArray) -> FloatArray:
-        """Springs and weight, damping, and air [N] at a state (6, N); shape (3, 3, N)."""
-        forces = np.zeros((3, 3, state.shape[1]))
-        forces[0] = self.conservative(state)
-        forces[1] = self._compute("elastic", state) - (forces[0] - self.weight)
-        forces[2] = self._compute("air", state)
-        return forces
+    def at(self, states: FloatArray) -> FloatArray:
+        """Springs and weight, damping, and air [N] at states (S, 6, N); shape (3, S, 3, N)."""
+        conservative = self.conservative(states)
+        damping = self._compute("elastic", states) - (conservative - self.weight)
+        return np.stack([conservative, damping, self._compute("air", states)])
 
-    def conservative(self, state: FloatArray) -> FloatArray:
-        """Springs and weight [N] at a state (6, N), whatever its velocities; shape (3, N)."""
-        still = np.concatenate([state[:3], np.zeros_like(state[3:])])
+    def conservative(self, states: FloatArray) -> FloatArray:
+        """Springs and weight [N] at states (S, 6, N), whatever their velocities; shape (S, 3, N)."""
+        still = np.concatenate([states[:, :3], np.zeros_like(states[:, 3:])], axis=1)
         return self._compute("elastic", still) + self.weight
 
-    def _compute(self, account: str, state: FloatArray) -> FloatArray:
-        """Forces of an account at a state (6, N); shape (3, N)."""
-        self._forces[:] = 0.0
+    def _compute(self, account: str, states: FloatArray) -> FloatArray:
+        """Forces of an account at states (S, 6, N); shape (S, 3, N)."""
+        found = np.zeros((len(states), 3, states.shape[2]))
         program = self._programs[account]
         if program is not None:
             self._linker.link()
-            for component, values in zip(self._state, state, strict=True):
-                component[:] = values
-            program.run(1, 1.0)
-        return self._forces.copy()
+            for state, forces in zip(states, found, strict=True):
+                self._forces[:] = 0.0
+                self._room[:] = state
+                program.run(1, 1.0)
+                forces[:] = self._forces
+        return found

@@ -257,6 +257,20 @@ def test_the_balance_closes(solver: Solver, kind: str):
     assert balance.gap < 1e-6
 
 
+@pytest.mark.parametrize("solver", [SWEEPS, TRAPEZOID], ids=lambda s: s.name)
+def test_steps_are_accounted_for_alike_one_by_one_and_together(solver: Solver, monkeypatch: pytest.MonkeyPatch):
+    scene, poses = busy()
+    balances = []
+    for together in (100 * scene.cloth.vertices, 7 * scene.cloth.vertices, 1):
+        monkeypatch.setattr("cape.measure.ledger.TOGETHER", together)
+        balances.append(run(scene, at(solver, 40), poses[:12]))
+    first, *others = balances
+    assert np.abs(first.attachments).max() > 1e-4
+    for other in others:
+        for field in dataclasses.fields(Balance):
+            np.testing.assert_allclose(getattr(other, field.name), getattr(first, field.name), rtol=1e-12, atol=1e-15)
+
+
 @every_solver
 def test_a_ledger_changes_no_bit_of_a_run(solver: Solver):
     scene, poses = busy()
