@@ -4,7 +4,6 @@ import json
 import struct
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -21,7 +20,6 @@ from cape.bench.subject import Subject
 from cape.solvers import SymplecticEuler
 from motions.errors import UserError
 
-CAPE = Path(sys.executable).with_name("cape")
 TINY = Plan(
     solvers=("euler",),
     repeats=2,
@@ -223,8 +221,8 @@ def test_without_matplotlib_the_plot_says_what_to_install(report, tmp_path, monk
         save_plot(report, tmp_path / "bench.png")
 
 
-def test_a_folder_that_is_not_there_is_refused_before_anything_is_measured(tmp_path):
-    done = subprocess.run([CAPE, "bench", "-o", str(tmp_path / "nowhere")], capture_output=True, text=True, timeout=60)
+def test_a_folder_that_is_not_there_is_refused_before_anything_is_measured(tmp_path, forks):
+    done = forks("bench", "-o", "nowhere", folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert "nowhere" in done.stderr
     assert len(done.stderr.splitlines()) == 1

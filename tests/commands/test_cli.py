@@ -1,32 +1,17 @@
 """The installed command, as a user calls it."""
 
 import json
-import os
 import re
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import motions
-
-CAPE = Path(sys.executable).with_name("cape")
-
-
-def cape(
-    *arguments: str | Path, folder: Path, timeout: float = 300.0, **environment: str
-) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [CAPE, *map(str, arguments)],
-        cwd=folder,
-        env={**os.environ, **environment},
-        capture_output=True,
-        text=True,
-        timeout=timeout,
-    )
+from tests.support.command import CAPE, cape
 
 
 def entities_of(recording: Path) -> set[str]:
@@ -92,12 +77,12 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_a_users_mistake_is_one_line_and_status_2(case, broken):
+def test_a_users_mistake_is_one_line_and_status_2(case, broken, forks):
     arguments, word = BAD[case]
     if arguments[0] == "replay" and "-o" not in arguments:
         arguments = [*arguments, "-o", "kept.rrd"]
     before = sorted(p.name for p in broken.iterdir())
-    done = cape(*arguments, folder=broken)
+    done = forks(*arguments, folder=broken)
     assert done.returncode == 2
     assert done.stdout == ""
     *said, line = done.stderr.splitlines()
@@ -115,42 +100,76 @@ KEYS = [
 ]  # fmt: skip
 
 
-def test_replay_without_a_clip_replays_the_walk_and_tells_it_in_json(tmp_path):
-    done = cape("replay", "--json", "--end", "0.5", folder=tmp_path)
-    assert done.returncode == 0
-    facts = json.loads(done.stdout)
+class Once:
+    """Runs a command in a folder of its own, and once, however many tests look at what came of it."""
+
+    def __init__(self, folders: pytest.TempPathFactory):
+        """Nothing has run."""
+        self._folders = folders
+        self._done: dict[tuple[str, ...], tuple[subprocess.CompletedProcess[str], Path]] = {}
+
+    def __call__(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        if arguments not in self._done:
+            folder = self._folders.mktemp("once")
+            self._done[arguments] = cape(*arguments, folder=folder), folder
+        return self._done[arguments][0]
+
+    def facts(self, *arguments: str) -> dict[str, Any]:
+        """The facts that a command prints in JSON."""
+        done = self(*arguments, "--json")
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    def folder(self, *arguments: str) -> Path:
+        """The folder of a command that has run."""
+        return self._done[arguments][1]
+
+
+@pytest.fixture(scope="module")
+def once(tmp_path_factory) -> Once:
+    return Once(tmp_path_factory)
+
+
+PLAIN = ("replay", "--end", "0.5")
+COARSE = ("replay", "walk", "--end", "0.4", "-o", "out.rrd", "--spacing", "0.05")
+DENIM = (*COARSE, "--fabric", "denim")
+# All that adds to the table, on the clip whose feet the cape doesn't reach.
+MUCH = ("replay", "idle", "--end", "0.2", "-o", "out.rrd", "--self-contact", "--check",
+        "--solver", "xpbd", "--substeps", "12")  # fmt: skip
+
+
+def test_replay_without_a_clip_replays_the_walk_and_tells_it_in_json(once):
+    facts = once.facts(*PLAIN)
     assert set(KEYS) <= set(facts)
     assert facts["output"] == "walk.rrd"
-    assert (tmp_path / "walk.rrd").stat().st_size > 100_000
+    folder = once.folder(*PLAIN, "--json")
+    assert (folder / "walk.rrd").stat().st_size > 100_000
     assert facts["frames"] == 31
     assert facts["fps"] == pytest.approx(60.0)
     assert facts["result"] == "finished"
-    assert [p.name for p in tmp_path.iterdir()] == ["walk.rrd"]
+    assert [p.name for p in folder.iterdir()] == ["walk.rrd"]
 
 
-def test_replay_prints_a_table(tmp_path):
-    done = cape(
-        "replay", "idle", "--end", "0.2", "-o", "out.rrd", "--solver", "xpbd", "--substeps", "12", folder=tmp_path
-    )
+def test_replay_prints_a_table(once):
+    done = once(*MUCH)
     assert done.returncode == 0
     for word in ("xpbd, 12 substeps", "largest stretch", "deepest penetration", "real time", "out.rrd"):
         assert word in done.stdout
     assert "unit: cm" in done.stderr
 
 
-def test_self_contact_is_told_in_the_summary(tmp_path):
-    done = cape("replay", "idle", "--end", "0.1", "-o", "out.rrd", "--self-contact", folder=tmp_path)
+def test_self_contact_is_told_in_the_summary(once):
+    done = once(*MUCH)
     assert done.returncode == 0, done.stderr
     assert "layers of the cape stay 5.0 mm apart" in done.stdout
 
 
-def test_options_reach_the_simulation(tmp_path):
-    base = ["replay", "walk", "--end", "0.2", "--json", "-o", "out.rrd"]
-    plain = json.loads(cape(*base, folder=tmp_path).stdout)
-    coarse = json.loads(cape(*base, "--spacing", "0.05", "--fabric", "denim", folder=tmp_path).stdout)
+def test_options_reach_the_simulation(once):
+    plain = once.facts(*PLAIN)
+    coarse = once.facts(*DENIM)
     assert coarse["vertices"] < plain["vertices"] / 3
     assert coarse["substeps"] < plain["substeps"]
-    short = json.loads(cape(*base, "--length", "0.5", "--fps", "30", folder=tmp_path).stdout)
+    short = once.facts("replay", "walk", "--end", "0.2", "-o", "out.rrd", "--length", "0.5", "--fps", "30")
     assert short["vertices"] < 0.6 * plain["vertices"]
     assert short["fps"] == pytest.approx(30.0)
     assert short["frames"] == 7
@@ -193,53 +212,46 @@ def test_bare_hitboxes_need_no_simulation(tmp_path):
     assert not {"/world/cape", "/world/contacts/points"} & entities
 
 
-def test_a_check_measures_apart_from_the_solver(tmp_path):
-    base = ["replay", "walk", "--end", "0.2", "-o", "out.rrd"]
-    facts = json.loads(cape(*base, "--check", "--json", folder=tmp_path).stdout)
+def test_a_check_measures_apart_from_the_solver(once):
+    facts = once.facts(*COARSE, "--check")
     assert set(facts["check"]) == {"vertices", "faces"}
     assert 0.0 <= facts["check"]["vertices"]["depth_mm"] <= facts["check"]["faces"]["depth_mm"] < 5.0
     # The recording's positions are rounded to single precision.
     assert facts["check"]["vertices"]["depth_mm"] == pytest.approx(facts["penetration_max_mm"], abs=2e-3)
-    assert "check" not in json.loads(cape(*base, "--json", folder=tmp_path).stdout)
-    assert re.search(r"check of faces +\d+\.\d mm", cape(*base, "--check", folder=tmp_path).stdout)
+    assert "check" not in once.facts(*PLAIN)
+    assert re.search(r"check of faces +\d+\.\d mm", once(*MUCH).stdout)
 
 
-def test_a_check_measures_the_error_of_the_time_step(tmp_path):
-    base = ["replay", "walk", "--end", "0.4", "-o", "out.rrd", "--check", "--json"]
-    errors = [
-        json.loads(cape(*base, *more, folder=tmp_path).stdout)["step_error"] for more in ([], ["--substeps", "400"])
-    ]
+def test_a_check_measures_the_error_of_the_time_step(once):
+    errors = [once.facts(*COARSE, "--check", *more)["step_error"] for more in ([], ["--substeps", "400"])]
     assert all(error["seconds"] == 0.1 and error["parts"] == 1 for error in errors)
     assert 0.0 < errors[1]["rms_mm"] < errors[0]["rms_mm"] == errors[0]["max_mm"] < 10.0
 
 
-def test_a_tolerance_or_a_budget_chooses_solver_and_steps(tmp_path):
-    base = ["replay", "walk", "--end", "0.4", "-o", "out.rrd", "--json"]
-    plain = json.loads(cape(*base, folder=tmp_path).stdout)
+def test_a_tolerance_or_a_budget_chooses_solver_and_steps(once):
+    plain = once.facts(*DENIM)
     assert plain["step_error"] is None
-    chosen = json.loads(cape(*base, "--tolerance", "5", folder=tmp_path).stdout)
+    chosen = once.facts(*DENIM, "--tolerance", "5")
     assert chosen["solver"] in ("euler", "xpbd")
     assert chosen["step_error"]["parts"] >= 1
-    fine = json.loads(cape(*base, "--budget", "10000", folder=tmp_path).stdout)
+    fine = once.facts(*DENIM, "--budget", "10000")
     assert fine["solver"] == "euler"
     assert fine["substeps"] == pytest.approx(8 * plain["substeps"], abs=8)
-    text = cape("replay", "walk", "--end", "0.4", "-o", "out.rrd", "--solver", "auto", folder=tmp_path).stdout
-    assert "mm gathered in 0.1 s" in unfolded(text)
+    assert "mm gathered in 0.1 s" in unfolded(once(*DENIM, "--solver", "auto").stdout)
 
 
-def test_replay_says_what_it_left_out_and_why(tmp_path):
-    base = ["replay", "idle", "--end", "0.2", "-o", "out.rrd"]
-    left_out = json.loads(cape(*base, "--json", folder=tmp_path).stdout)["left_out"]
+def test_replay_says_what_it_left_out_and_why(once):
+    left_out = once.facts("replay", "idle", "--end", "0.2", "-o", "out.rrd")["left_out"]
     assert set(left_out) == {"left_foot", "right_foot", "floor"}
     assert all(BEYOND.fullmatch(reason) for reason in left_out.values())
-    assert f"left out floor: {left_out['floor']}" in unfolded(cape(*base, folder=tmp_path).stdout)
-    info = unfolded(cape("info", "idle", folder=tmp_path).stdout)
-    assert re.search(rf"beyond reach floor: {BEYOND.pattern}", info)
+    assert f"left out floor: {left_out['floor']}" in unfolded(once(*MUCH).stdout)
+    assert re.search(rf"beyond reach floor: {BEYOND.pattern}", unfolded(once("info", "idle").stdout))
 
 
-def test_clips_and_info_tell_what_there_is(tmp_path):
-    assert all(name in cape("clips", folder=tmp_path).stdout for name in motions.clip_names())
-    told = cape("info", "spin", folder=tmp_path).stdout
+def test_clips_and_info_tell_what_there_is(once):
+    told = once("clips").stdout
+    assert all(name in told for name in motions.clip_names())
+    told = once("info", "idle").stdout
     for word in ("60 fps", "left_shoulder: LeftShoulder", "unit: cm", "1.75 m", "no jump"):
         assert word in told
 

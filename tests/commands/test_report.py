@@ -26,6 +26,7 @@ from cape.scene.standard_scenes import swing as swinging
 from motions.errors import FileError, ValueRangeError
 from motions.files import write_text
 from tests.run.test_simulation import hanging, swing
+from tests.support.command import Forks
 
 FRAME = 1 / 60
 
@@ -364,12 +365,10 @@ def test_the_page_and_the_diagram_show_where_energy_goes(tmp_path: Path):
 
 # -- the command --
 
-CAPE = Path(sys.executable).with_name("cape")
-
 
 @pytest.mark.parametrize(("option", "name"), [("--scene", "hop"), ("--solver", "magic")])
-def test_the_command_refuses_what_does_not_exist(option: str, name: str, tmp_path: Path):
-    done = subprocess.run([CAPE, "report", option, name, "-o", tmp_path], capture_output=True, text=True, timeout=60)
+def test_the_command_refuses_what_does_not_exist(option: str, name: str, tmp_path: Path, forks: Forks):
+    done = forks("report", option, name, "-o", tmp_path, folder=tmp_path)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert name in done.stderr

@@ -1,9 +1,6 @@
 """Robots at the command line: their motions, clips that they follow, their hitboxes, and how they look."""
 
 import json
-import os
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -12,13 +9,7 @@ import pytest
 import rerun as rr
 
 from skeleton import Skeleton, column_names
-
-CAPE = Path(sys.executable).parent / "cape"
-
-
-def cape(folder: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [CAPE, *map(str, arguments)]
-    return subprocess.run(command, cwd=folder, env=os.environ, capture_output=True, text=True, timeout=300)
+from tests.support.command import cape
 
 
 def transforms_of(recording: Path, entity: str) -> np.ndarray:
@@ -53,7 +44,7 @@ SQUAT = ("hitboxes", "squat.csv", "--skeleton", "romeo", "--bare")
 @pytest.fixture(scope="module")
 def squat(folder) -> Path:
     """The recording of its hitboxes, which are written to a file as well."""
-    done = cape(folder, *SQUAT, "-o", "squat.rrd", "--write", "romeo.toml")
+    done = cape(*SQUAT, "-o", "squat.rrd", "--write", "romeo.toml", folder=folder)
     assert done.returncode == 0, done.stderr
     assert "LKneePitchLink: " in done.stdout
     return folder / "squat.rrd"
@@ -71,7 +62,7 @@ def test_a_robot_is_drawn_where_its_configurations_put_it(folder, squat):
 
 
 def test_hitboxes_go_to_a_file_and_come_back(folder, squat):
-    done = cape(folder, *SQUAT, "-o", "again.rrd", "--hitboxes", "romeo.toml", "--write", "again.toml")
+    done = cape(*SQUAT, "-o", "again.rrd", "--hitboxes", "romeo.toml", "--write", "again.toml", folder=folder)
     assert done.returncode == 0, done.stderr
     assert "left_shin" in done.stdout
     first, second = (tomllib.loads((folder / f"{name}.toml").read_text())["solid"] for name in ("romeo", "again"))
@@ -82,8 +73,9 @@ def test_hitboxes_go_to_a_file_and_come_back(folder, squat):
 def test_a_clip_on_a_robot(folder):
     """From a clip and a robot's name to a cape: figures, the robot, no penetration."""
     done = cape(
-        folder, "replay", "walk", "--skeleton", "g1", "--end", "0.4", "--fps", "60", "--spacing", "0.05",
+        "replay", "walk", "--skeleton", "g1", "--end", "0.4", "--fps", "60", "--spacing", "0.05",
         "--hitboxes", "body", "-o", "walk.rrd", "--json",
+        folder=folder,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     facts = json.loads(done.stdout)
@@ -109,9 +101,9 @@ WRONG = {
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_a_mistake_is_one_line(folder, what):
+def test_a_mistake_is_one_line(folder, what, forks):
     arguments, told = WRONG[what]
-    done = cape(folder, *arguments)
+    done = forks(*arguments, folder=folder)
     assert done.returncode == 2
     assert done.stdout == ""
     assert len(done.stderr.splitlines()) == 1

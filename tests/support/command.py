@@ -1,0 +1,102 @@
+"""The installed command, as a user calls it: in a process of its own, or forked from one that has imported much."""
+
+import gc
+import json
+import os
+import runpy
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from typing import NamedTuple, Self
+
+CAPE = Path(sys.executable).with_name("cape")
+
+# What the command imports in any case, and foreign packages that are slow to import and start no threads.
+IMPORTED = ("cape.cli.app", "pydantic.fields", "pydantic.types", "pydantic.type_adapter", "rich.progress", "rich.table",
+            "pinocchio")  # fmt: skip
+
+
+def cape(
+    *arguments: str | Path, folder: Path, timeout: float = 300.0, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    """Run the command in a folder."""
+    return subprocess.run(
+        [CAPE, *map(str, arguments)],
+        cwd=folder,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+    )
+
+
+class Done(NamedTuple):
+    """How a command ended, and what it printed."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+class Forks:
+    """Runs the installed script in forks of a process that has imported it: for commands that are many."""
+
+    def __init__(self, folder: Path):
+        """Printed text goes through files in the folder."""
+        self._printed = (folder / "stdout", folder / "stderr")
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", __file__],
+            # A fork has but the thread that forked.
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.communicate()
+
+    def __call__(self, *arguments: str | Path, folder: Path) -> Done:
+        """Run the command in a folder."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        asked = [str(folder), *map(str, self._printed), str(CAPE), *map(str, arguments)]
+        print(json.dumps(asked), file=self._process.stdin, flush=True)
+        status = int(self._process.stdout.readline())
+        return Done(status, *(path.read_text() for path in self._printed))
+
+
+def _fork_for_each() -> None:
+    """Read lines of JSON, what `_run` is given; answer with the status of each."""
+    for module in IMPORTED:
+        with suppress(ModuleNotFoundError):  # typer of another version may need others
+            import_module(module)
+    gc.freeze()  # else each fork, as it ends, looks through all that was imported
+    for line in sys.stdin:
+        fork = os.fork()
+        if not fork:
+            _run(*json.loads(line))
+            return
+        print(os.waitstatus_to_exitcode(os.waitpid(fork, 0)[1]), flush=True)
+
+
+def _run(folder: str, stdout: str, stderr: str, *command: str) -> None:
+    """Run a script in this process, which ends as the script does."""
+    signal.alarm(300)
+    os.chdir(folder)
+    for stream, path in enumerate((os.devnull, stdout, stderr)):
+        file = os.open(path, os.O_RDONLY if stream == 0 else os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(file, stream)
+        os.close(file)
+    sys.argv = list(command)
+    runpy.run_path(command[0], run_name="__main__")
+
+
+if __name__ == "__main__":
+    _fork_for_each()
