@@ -76,7 +76,7 @@ def deepest_penetration(recording: Recording, vertices: np.ndarray, counted: np.
         along = np.clip(projected - offset, 0.0, lengths[0])
         # |p - q|^2 of each vertex and the point of each capsule's axis that is nearest to it, start + along * axis.
         squares = np.vecdot(points, points)[:, None] - 2.0 * (points @ start.T + along * projected)
-        squares += np.vecdot(start, start) + along * (2.0 * offset + along)
+        squares += np.vecdot(start, start) + along * (2.0 * offset + along * np.vecdot(axis, axis))
         worst = max(worst, (radii[0] - np.sqrt(squares.min(axis=0))).max())
     return worst
 

@@ -61,8 +61,8 @@ def test_a_robot_is_drawn_where_its_configurations_put_it(folder, squat):
     assert "/world/hitboxes" in entities
 
 
-def test_hitboxes_go_to_a_file_and_come_back(folder, squat):
-    done = cape(*SQUAT, "-o", "again.rrd", "--hitboxes", "romeo.toml", "--write", "again.toml", folder=folder)
+def test_hitboxes_go_to_a_file_and_come_back(folder, squat, forks):
+    done = forks(*SQUAT, "-o", "again.rrd", "--hitboxes", "romeo.toml", "--write", "again.toml", folder=folder)
     assert done.returncode == 0, done.stderr
     assert "left_shin" in done.stdout
     first, second = (tomllib.loads((folder / f"{name}.toml").read_text())["solid"] for name in ("romeo", "again"))
@@ -73,7 +73,7 @@ def test_hitboxes_go_to_a_file_and_come_back(folder, squat):
 def test_a_clip_on_a_robot(folder):
     """From a clip and a robot's name to a cape: figures, the robot, no penetration."""
     done = cape(
-        "replay", "walk", "--skeleton", "g1", "--end", "0.4", "--fps", "60", "--spacing", "0.05",
+        "replay", "walk", "--skeleton", "romeo", "--end", "0.4", "--fps", "60", "--spacing", "0.05",
         "--hitboxes", "body", "-o", "walk.rrd", "--json",
         folder=folder,
     )  # fmt: skip
