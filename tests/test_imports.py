@@ -5,6 +5,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -23,9 +24,14 @@ HEAVY = ("numba", "rerun", "pinocchio", "trimesh", "matplotlib", "pink", "typer"
 modules = pytest.mark.parametrize("module", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
 
 
+@cache
+def parsed(module: Path) -> ast.Module:
+    return ast.parse(module.read_text())
+
+
 def imported(module: Path) -> Iterator[str]:
     """Dotted names of all that a file imports, anywhere in it."""
-    for node in ast.walk(ast.parse(module.read_text())):
+    for node in ast.walk(parsed(module)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -54,7 +60,7 @@ def test_kernels_know_numpy_and_numba_alone(module: Path):
 def test_only_the_compiler_imports_numba_as_it_is_imported(module: Path):
     names = {
         name
-        for node in at_import(ast.parse(module.read_text()))
+        for node in at_import(parsed(module))
         for name in ([node.module or ""] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names])
     }
     numba = any(name.split(".")[0] == "numba" for name in names)
@@ -96,13 +102,14 @@ def at_import(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
             yield from at_import(child)
 
 
+@cache
 def graph_of_imports() -> dict[str, set[str]]:
     """Which of the packages' modules each one imports as it is imported itself."""
     files = {dotted(module): module for module in MODULES}
     graph = {}
     for name, module in files.items():
         graph[name] = wanted = set[str]()
-        for node in at_import(ast.parse(module.read_text())):
+        for node in at_import(parsed(module)):
             if isinstance(node, ast.Import):
                 wanted |= {alias.name for alias in node.names}
             else:
