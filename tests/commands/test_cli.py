@@ -258,7 +258,8 @@ def test_clips_and_info_tell_what_there_is(once):
 
 def test_an_interrupted_run_leaves_a_whole_recording_or_none(tmp_path):
     process = subprocess.Popen(
-        [CAPE, "replay", "walk", "--spacing", "0.007", "-o", "part.rrd", "--json"],
+        # Put on at once, and moving for long: few vertices, many frames.
+        [CAPE, "replay", "walk", "--spacing", "0.05", "--fps", "1000", "--substeps", "300", "-o", "part.rrd", "--json"],
         cwd=tmp_path,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -267,7 +268,7 @@ def test_an_interrupted_run_leaves_a_whole_recording_or_none(tmp_path):
     assert process.stderr is not None
     process.stderr.readline()
     # Long before the end; where it is still compiling there is nothing to keep.
-    time.sleep(6.0)
+    time.sleep(2.0)
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate(timeout=120)
     assert process.returncode == 130
