@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import motions
-from tests.support.command import CAPE, cape
+from tests.support.command import CAPE, Done, Forks, cape
 
 
 def entities_of(recording: Path) -> set[str]:
@@ -101,18 +101,17 @@ KEYS = [
 
 
 class Once:
-    """Runs a command in a folder of its own, and once, however many tests look at what came of it."""
+    """Runs a command once, however many tests look at what it printed."""
 
-    def __init__(self, folders: pytest.TempPathFactory):
-        """Nothing has run."""
-        self._folders = folders
-        self._done: dict[tuple[str, ...], tuple[subprocess.CompletedProcess[str], Path]] = {}
+    def __init__(self, forks: Forks, folder: Path):
+        """All run in one folder."""
+        self._forks, self._folder = forks, folder
+        self._done: dict[tuple[str, ...], Done] = {}
 
-    def __call__(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+    def __call__(self, *arguments: str) -> Done:
         if arguments not in self._done:
-            folder = self._folders.mktemp("once")
-            self._done[arguments] = cape(*arguments, folder=folder), folder
-        return self._done[arguments][0]
+            self._done[arguments] = self._forks(*arguments, folder=self._folder)
+        return self._done[arguments]
 
     def facts(self, *arguments: str) -> dict[str, Any]:
         """The facts that a command prints in JSON."""
@@ -120,17 +119,21 @@ class Once:
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout)
 
-    def folder(self, *arguments: str) -> Path:
-        """The folder of a command that has run."""
-        return self._done[arguments][1]
+
+@pytest.fixture(scope="module")
+def once(forks, tmp_path_factory) -> Once:
+    return Once(forks, tmp_path_factory.mktemp("once"))
 
 
 @pytest.fixture(scope="module")
-def once(tmp_path_factory) -> Once:
-    return Once(tmp_path_factory)
+def plain(tmp_path_factory) -> tuple[dict[str, Any], Path]:
+    """Facts of a replay without a clip, and the folder of its recording."""
+    folder = tmp_path_factory.mktemp("plain")
+    done = cape("replay", "--json", "--end", "0.5", folder=folder)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout), folder
 
 
-PLAIN = ("replay", "--end", "0.5")
 COARSE = ("replay", "walk", "--end", "0.4", "-o", "out.rrd", "--spacing", "0.05")
 DENIM = (*COARSE, "--fabric", "denim")
 # All that adds to the table, on the clip whose feet the cape doesn't reach.
@@ -138,11 +141,10 @@ MUCH = ("replay", "idle", "--end", "0.2", "-o", "out.rrd", "--self-contact", "--
         "--solver", "xpbd", "--substeps", "12")  # fmt: skip
 
 
-def test_replay_without_a_clip_replays_the_walk_and_tells_it_in_json(once):
-    facts = once.facts(*PLAIN)
+def test_replay_without_a_clip_replays_the_walk_and_tells_it_in_json(plain):
+    facts, folder = plain
     assert set(KEYS) <= set(facts)
     assert facts["output"] == "walk.rrd"
-    folder = once.folder(*PLAIN, "--json")
     assert (folder / "walk.rrd").stat().st_size > 100_000
     assert facts["frames"] == 31
     assert facts["fps"] == pytest.approx(60.0)
@@ -164,13 +166,13 @@ def test_self_contact_is_told_in_the_summary(once):
     assert "layers of the cape stay 5.0 mm apart" in done.stdout
 
 
-def test_options_reach_the_simulation(once):
-    plain = once.facts(*PLAIN)
+def test_options_reach_the_simulation(once, plain):
+    usual, _ = plain
     coarse = once.facts(*DENIM)
-    assert coarse["vertices"] < plain["vertices"] / 3
-    assert coarse["substeps"] < plain["substeps"]
+    assert coarse["vertices"] < usual["vertices"] / 3
+    assert coarse["substeps"] < usual["substeps"]
     short = once.facts("replay", "walk", "--end", "0.2", "-o", "out.rrd", "--length", "0.5", "--fps", "30")
-    assert short["vertices"] < 0.6 * plain["vertices"]
+    assert short["vertices"] < 0.6 * usual["vertices"]
     assert short["fps"] == pytest.approx(30.0)
     assert short["frames"] == 7
 
@@ -212,13 +214,13 @@ def test_bare_hitboxes_need_no_simulation(tmp_path):
     assert not {"/world/cape", "/world/contacts/points"} & entities
 
 
-def test_a_check_measures_apart_from_the_solver(once):
+def test_a_check_measures_apart_from_the_solver(once, plain):
     facts = once.facts(*COARSE, "--check")
     assert set(facts["check"]) == {"vertices", "faces"}
     assert 0.0 <= facts["check"]["vertices"]["depth_mm"] <= facts["check"]["faces"]["depth_mm"] < 5.0
     # The recording's positions are rounded to single precision.
     assert facts["check"]["vertices"]["depth_mm"] == pytest.approx(facts["penetration_max_mm"], abs=2e-3)
-    assert "check" not in once.facts(*PLAIN)
+    assert "check" not in plain[0]
     assert re.search(r"check of faces +\d+\.\d mm", once(*MUCH).stdout)
 
 
