@@ -54,6 +54,8 @@ def tapered_distance(points: FloatArray, start: ArrayLike, end: ArrayLike, radii
     """
     a, b, shares = np.asarray(start, float), np.asarray(end, float), np.linspace(0.0, 1.0, 33)
     length, every = float(np.linalg.norm(b - a)), np.arange(len(points))
+    if length == 0.0:
+        return lengths(points - a) - max(radii)
     axis, grows = (b - a) / length, (radii[1] - radii[0]) / length
     along = (points - a) @ axis
     aside = (lengths(points - a - along[:, None] * axis) ** 2)[:, None]
