@@ -25,7 +25,9 @@ from tests.support.scenes import grid_cloth
 from tests.support.shapes import (
     FloatArray,
     faces_record,
+    grid_of_weights,
     kind_of,
+    least_on_triangle,
     moving,
     record,
     reference_distance,
@@ -41,14 +43,7 @@ points = st.tuples(numbers, numbers, numbers).map(np.array)
 triangles = st.tuples(points, points, points).map(np.array)
 
 
-def grid_of_weights(n: int) -> FloatArray:
-    """Barycentric weights of a regular grid over a triangle, corners and edges with it, (W, 3)."""
-    u, v = np.meshgrid(np.arange(n + 1), np.arange(n + 1))
-    kept = u + v <= n
-    return np.stack([u[kept], v[kept], n - u[kept] - v[kept]], axis=1) / n
-
-
-DENSE, COARSE = grid_of_weights(60), grid_of_weights(20)
+DENSE = grid_of_weights(60)
 
 
 # -- the nearest point --
@@ -184,16 +179,8 @@ def distance_at(shapes: Colliders, where: FloatArray) -> FloatArray:
 
 
 def refined_depth(shapes: Colliders, corners: FloatArray) -> float:
-    """Least signed distance on a triangle: a grid of points, then finer ones around the best, as it is convex."""
-    weights, size, found = COARSE, 1.0, []
-    for _ in range(5):
-        distances = distance_at(shapes, weights @ corners)
-        best = weights[distances.argmin()]
-        found.append(distances.min())
-        size *= 0.2
-        weights = np.clip(best + size * (COARSE - 1 / 3), 0, None)
-        weights /= weights.sum(axis=1, keepdims=True)
-    return float(min(found))
+    """Least signed distance on a triangle."""
+    return least_on_triangle(lambda where: distance_at(shapes, where), corners)
 
 
 KINDS = ("capsule", "sphere", "tapered capsule", "box", "cylinder", "ellipsoid")

@@ -15,7 +15,13 @@ from motions import quaternions
 from motions.errors import ValueRangeError
 from skeleton.solid_measures import signed_distance
 from tests.support.figures import matrices_of
-from tests.support.shapes import box_distance, capsule_distance, cylinder_distance, ellipsoid_distance
+from tests.support.shapes import (
+    box_distance,
+    capsule_distance,
+    cylinder_distance,
+    ellipsoid_distance,
+    least_on_triangle,
+)
 from tests.support.takes import take_of
 
 FloatArray = NDArray[np.float64]
@@ -247,13 +253,9 @@ def test_no_point_of_a_face_is_deeper_than_the_samples_tell(corners: FloatArray,
     spacing = 0.05
     corners = corners.astype(np.float32).astype(float)
     measured = penetration(take_of(corners, [0, 1, 2], [solid]), spacing=spacing).faces.depth[0]
-    fine = 100
-    i, j = (axis.ravel() for axis in np.mgrid[: fine + 1, : fine + 1])
-    i, j = i[i + j <= fine], j[i + j <= fine]
-    weights = np.stack([i, j, fine - i - j], axis=1) / fine
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).max()
-    depth = max(0.0, reference_depth(solid, weights @ corners).max())
-    assert depth - spacing / np.sqrt(3) - 1e-6 <= measured <= depth + longest / fine / np.sqrt(3) + 1e-6
+    depth = max(0.0, -least_on_triangle(lambda where: -reference_depth(solid, where), corners))
+    # The reference's last grid has a step of 1 in 10,000 of the edges, of up to two metres.
+    assert depth - spacing / np.sqrt(3) - 1e-6 <= measured <= depth + 2e-4
 
 
 @settings(max_examples=15, deadline=None)

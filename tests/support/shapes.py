@@ -1,5 +1,6 @@
 """Signed distances from shapes, many points at once, sharing nothing with the package's own, and records by hand."""
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -71,6 +72,27 @@ def tapered_distance(points: FloatArray, start: ArrayLike, end: ArrayLike, radii
         width *= 2.0 / 32.0
         low = np.minimum(np.maximum(low, 0.0), length - width)
     return least - radii[0]
+
+
+def grid_of_weights(n: int) -> FloatArray:
+    """Barycentric weights of a regular grid over a triangle, corners and edges with it, (W, 3)."""
+    u, v = np.meshgrid(np.arange(n + 1), np.arange(n + 1))
+    kept = u + v <= n
+    return np.stack([u[kept], v[kept], n - u[kept] - v[kept]], axis=1) / n
+
+
+def least_on_triangle(distances: Callable[[FloatArray], FloatArray], corners: FloatArray) -> float:
+    """Least of some convex function of points (N, 3) on a triangle: of a grid, then of finer ones around the best."""
+    coarse = grid_of_weights(20)
+    weights, size, found = coarse, 1.0, []
+    for _ in range(5):
+        values = distances(weights @ corners)
+        best = weights[values.argmin()]
+        found.append(values.min())
+        size *= 0.2
+        weights = np.clip(best + size * (coarse - 1 / 3), 0, None)
+        weights /= weights.sum(axis=1, keepdims=True)
+    return float(min(found))
 
 
 def box_distance(points: FloatArray, halves: ArrayLike) -> FloatArray:
