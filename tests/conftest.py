@@ -7,13 +7,21 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# As many processes as cores are busy already: more threads in each, which wait by spinning, only take their time.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # The same examples in every run; `--hypothesis-profile search` looks for new ones.
 settings.register_profile("repeat", derandomize=True, deadline=None)
 settings.register_profile("search", max_examples=1000, deadline=None)
 settings.load_profile("repeat")
 
 # Files that take minutes: begun last, one of them would leave all cores but one with nothing to do.
-LONG = ("test_cli.py", "test_replay.py", "test_fuzz_contact.py", "test_robot_commands.py", "test_retarget.py")
+LONG = ("test_replay.py", "test_fuzz_contact.py", "test_cli.py", "test_hitboxes.py", "test_retarget.py", "test_auto.py")
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """One more than there are cores, some of which have nothing to do while tests wait for what they started."""
+    return len(os.sched_getaffinity(0)) + 1
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
