@@ -15,8 +15,12 @@ settings.register_profile("repeat", derandomize=True, deadline=None)
 settings.register_profile("search", max_examples=1000, deadline=None)
 settings.load_profile("repeat")
 
-# Files that take minutes: begun last, one of them would leave all cores but one with nothing to do.
-LONG = ("test_replay.py", "test_fuzz_contact.py", "test_cli.py", "test_hitboxes.py", "test_retarget.py", "test_auto.py")
+# Files that take longest: begun last, one of them would leave all cores but one with nothing to do.
+LONG = (
+    "test_replay.py", "test_fuzz_contact.py", "test_cli.py", "test_hitboxes.py", "test_retarget.py", "test_auto.py",
+    "test_compiling.py", "test_robot_commands.py", "test_readme.py", "test_registered_shapes.py", "test_graph.py",
+    "test_self_contact.py", "test_fitting.py", "test_solvers.py", "test_imports.py", "test_report.py",
+)  # fmt: skip
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
