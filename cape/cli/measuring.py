@@ -25,9 +25,12 @@ def require_folder(folder: Path) -> None:
         raise FileError(f"can't write to {folder}: it is not writable")
 
 
+TENTHS = 10
+
+
 @contextmanager
 def sections():
-    """Show the section and a bar, on a terminal only."""
+    """Show the section and a bar on a terminal; elsewhere a line for each section, and for each tenth of it."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty()) as progress:
@@ -38,7 +41,18 @@ def sections():
             nonlocal known
             known = section
             progress.reset(task, description=section, total=steps)
-            return lambda: progress.advance(task)
+            if not progress.disable:
+                return lambda: progress.advance(task)
+            print(f"{section}: {steps} steps", file=sys.stderr, flush=True)
+            done = 0
+
+            def advance() -> None:
+                nonlocal done
+                done += 1
+                if done * TENTHS // steps > (done - 1) * TENTHS // steps:
+                    print(f"{section}: {done} of {steps}", file=sys.stderr, flush=True)
+
+            return advance
 
         with telling.within(lambda text: progress.update(task, description=text or known)):
             yield told

@@ -17,7 +17,7 @@ class Plan:
         scenes: names of the standard scenes.
         solvers: names of the solvers.
         every: second, third... of the settings of a solver.
-        repeats: times that a run is taken; the least time of each frame counts.
+        repeats: times that a run is taken; the quickest counts.
         seconds: of each scene's motion at most [s].
         tolerances_mm: that are asked of `Auto` in smooth scenes, where errors of whole runs mean something [mm].
         scene_s: wall time for all runs of a scene [s]; slower settings are left out, and named.

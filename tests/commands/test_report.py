@@ -12,9 +12,12 @@ import numpy as np
 import pytest
 
 from cape import Simulation, Sphere, SymplecticEuler
+from cape.cli.measuring import sections
 from cape.report import run
 from cape.report.measured.accuracy import SURE, converge, error_of, window_error
+from cape.report.measured.clock import Clock, Timing, quickest
 from cape.report.measured.energy import Account, accounts
+from cape.report.measured.stability import Outcome
 from cape.report.measured.sweep import Row, sweep
 from cape.report.measured.trajectory import EXACT, Setting, Stage, Trajectory
 from cape.report.plan import Plan
@@ -284,17 +287,106 @@ def test_scenes_that_are_not_smooth_are_judged_by_short_trajectories():
 def test_the_page_shows_all_rows_and_what_could_not_be_told():
     report = run.Report(
         TINY,
-        [scene(row(solver="xpbd", setting="5 substeps", rms_mm=12.345), row(result="left out: it takes about 9 s"))],
+        [
+            scene(
+                row(solver="xpbd", setting="5 substeps", rms_mm=12.345, cpu_seconds_per_second=0.08),
+                row(result="left out: it takes about 9 s"),
+            )
+        ],
         [],
     )
     text = page.markdown(report, pictures=True, recordings=True, command="cape report --quick")
-    assert "| XPBD | 5 substeps | 10.0 x | 12.3 |" in text
+    assert "| XPBD | 5 substeps | 10.0 x | 0.0800 | 12.3 |" in text
     assert "left out: it takes about 9 s" in text
     assert "none of these" in text
     assert "![small: run time against error](small.png)" in text
     rendered = page.html(text)
     assert rendered.count("<table>") == 2
     assert "<td>12.3</td>" in rendered
+    assert "width=device-width" in rendered
+
+
+def first_table(*rows: Row) -> str:
+    """The line of the first table for a scene with these rows."""
+    text = page.markdown(run.Report(TINY, [scene(*rows)], []), pictures=False, recordings=False, command="cape report")
+    return next(line for line in text.splitlines() if line.startswith("| small"))
+
+
+def test_nothing_is_concluded_from_a_single_setting():
+    alone = row(solver="xpbd", setting="default", rms_mm=2.0)
+    missing = row(solver="xpbd", setting="20 substeps", result="left out: it takes about 9 s")
+    told = "not told: of XPBD one setting alone was run"
+    assert first_table(alone, missing).split(" | ")[2:] == [
+        told,
+        told,
+        "none of these",
+        "none of these",
+        "XPBD: 1 of 2 |",
+    ]
+    both = first_table(alone, dataclasses.replace(missing, result="finished", rms_mm=0.1))
+    assert told not in both
+    assert both.endswith("|  |")
+    # One that broke off tells something as well.
+    assert told not in first_table(alone, dataclasses.replace(missing, result="diverged at frame 3"))
+
+
+def test_a_disturbed_run_is_marked():
+    rows = row(disturbed=True), row(setting="40 substeps", rms_mm=0.1, seconds_per_second=0.2)
+    assert "symplectic Euler, default: 10.0 x (disturbed)" in first_table(*rows)
+    assert "disturbed" not in first_table(*(dataclasses.replace(each, disturbed=False) for each in rows))
+
+
+def outcome(case: str, solver: str, result: str, **fields: Any) -> Outcome:
+    plain = Outcome(case, solver, 2, result, "", 0.05, 0.0, math.nan, 0.3, 0)
+    return dataclasses.replace(plain, **fields)
+
+
+def test_what_fails_is_told_in_a_line_and_coloured_in_the_table():
+    outcomes = [
+        outcome("shaken", "euler", "passes"),
+        outcome("shaken", "xpbd", "degrades", why="strain above 30%", retaken=7),
+        outcome("jerky", "euler", "passes"),
+        outcome("jerky", "xpbd", "fails", why="repeat 0: it explodes"),
+    ]
+    plan = dataclasses.replace(TINY, cases=("shaken", "jerky"))
+    text = page.markdown(run.Report(plan, [], outcomes), pictures=False, recordings=False, command="cape report")
+    assert "- **symplectic Euler** passes 2 of 2 stress cases\n" in text
+    assert "- **XPBD** passes 0 of 2 stress cases; degrades in shaken; fails in jerky\n" in text
+    # The answers come first.
+    assert text.index("## Which solver") < text.index("## What fails") < text.index("## Stress cases")
+    rendered = page.html(text)
+    assert rendered.count('<td class="passes">passes: 5.0%, 0 mm, 0.30 s</td>') == 2
+    assert '<td class="degrades">degrades: 5.0%, 0 mm, 0.30 s, 7 again (strain above 30%)</td>' in rendered
+    assert rendered.count('<td class="fails">') == 1
+    assert all(ord(sign) < 0x2000 for sign in rendered), "a sign that a plain font may lack"
+
+
+# -- time --
+
+
+def quickest_of(*clocks: tuple[float, float], repeats: int, enough: float = math.inf) -> tuple[Timing, int]:
+    """The timing of runs with these wall and CPU times, and how many of them were taken."""
+    waiting = [Clock(*clock) for clock in clocks]
+    timing = quickest(lambda: waiting.pop(0), repeats=repeats, enough=lambda spent: spent > enough)
+    return timing, len(clocks) - len(waiting)
+
+
+def test_the_quickest_undisturbed_run_counts_and_others_are_taken_again():
+    assert quickest_of((2.0, 2.0), (1.5, 1.4), (1.7, 1.7), repeats=3) == (Timing(1.5, 1.4, False, 5.2), 3)
+    # The second had half of a processor: another is taken, and it counts for nothing however quick it was.
+    assert quickest_of((2.0, 2.0), (1.0, 0.5), (1.8, 1.7), repeats=2) == (Timing(1.8, 1.7, False, 4.8), 3)
+    # Twice as many as asked for were disturbed.
+    assert quickest_of((2.0, 1.0), (1.0, 0.5), (9.0, 9.0), repeats=1) == (Timing(1.0, 0.5, True, 3.0), 2)
+    assert quickest_of((2.0, 2.0), (1.0, 1.0), repeats=2, enough=1.0) == (Timing(2.0, 2.0, False, 2.0), 1)
+
+
+def test_a_clock_counts_blocks_and_the_cpu_time_of_all_threads():
+    clock = Clock()
+    assert clock.share(1) == 1.0
+    with pytest.raises(ValueError, match="within"), clock.running():
+        raise ValueError("within")
+    assert clock.wall > 0.0
+    assert Clock(2.0, 3.0).share(2) == 0.75
 
 
 def test_the_page_shows_what_became_of_the_tolerances_that_were_asked_for():
@@ -320,6 +412,21 @@ def test_the_diagram_has_a_curve_for_each_solver_a_band_and_the_line_of_real_tim
     assert [text.get_text() for text in axes.texts] == ["real time"]
     save_diagram(dataclasses.replace(found, smooth=False), tmp_path / "small.png")
     assert (tmp_path / "small.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_progress_is_told_in_lines_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]):
+    with sections() as told:
+        advance = told("swing", 20)
+        for _ in range(20):
+            advance()
+        told("walk", 3)()
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [
+        "swing: 20 steps",
+        *(f"swing: {n} of 20" for n in range(2, 21, 2)),
+        "walk: 3 steps",
+        "walk: 1 of 3",
+    ]
 
 
 # -- energy --

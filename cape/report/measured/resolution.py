@@ -11,7 +11,6 @@ take minutes for the finest sheet.
 
 import itertools
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, cast
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 
 from cape.bench.figures import Figures
 from cape.cloth.cloth import GridCloth
+from cape.report.measured.clock import Clock, Timing, quickest
 from cape.run.simulation import Diverged, Simulation
 from cape.scene.poses import Pose, poses_of
 from cape.scene.scene import Scene
@@ -54,8 +54,10 @@ class Measured:
         hem_width: distance of its ends [m].
         period: of the swing [s].
         chain_period: the same of an inextensible chain as long [s].
-        seconds: wall time per second of the swing, of each frame the least of all repeats [s].
+        seconds: wall time per second of the swing, of the quickest repeat [s].
         result: "finished", or why there are no figures, or none that hold.
+        cpu_seconds: CPU time of that repeat, as `seconds` [s].
+        disturbed: whether something else had the processor in all repeats.
     """
 
     solver: str
@@ -69,6 +71,8 @@ class Measured:
     chain_period: float
     seconds: float
     result: str = "finished"
+    cpu_seconds: float = math.nan
+    disturbed: bool = False
 
     def as_json(self) -> dict[str, Any]:
         """What was measured, for a JSON object."""
@@ -101,6 +105,8 @@ class Row(Figures):
         period_order: observed order of the period.
         seconds_per_second: wall time per second of the swing; 1 is real time.
         result: "finished", or why there are no figures, or none that hold.
+        cpu_seconds_per_second: CPU time per second of the swing.
+        disturbed: whether something else had the processor in all repeats.
     """
 
     solver: str
@@ -116,6 +122,8 @@ class Row(Figures):
     period_order: float
     seconds_per_second: float
     result: str
+    cpu_seconds_per_second: float = math.nan
+    disturbed: bool = False
 
 
 def measure(solver: str, spacing: float, *, repeats: int = 1) -> Measured:
@@ -124,13 +132,12 @@ def measure(solver: str, spacing: float, *, repeats: int = 1) -> Measured:
     Args:
         solver: its name.
         spacing: of the vertices [m].
-        repeats: times that the swing is taken; the least time of each frame counts.
+        repeats: times that the swing is taken; the quickest counts.
     """
     standard = curtain(spacing=spacing)
     cloth = cast(GridCloth, standard.scene.cloth)
     shape, place, result = np.full((math.prod(SAMPLES), 3), math.nan), cloth.positions * math.nan, "finished"
-    period = seconds = math.nan
-    substeps = 0
+    period, substeps, timing = math.nan, 0, Timing(math.nan, math.nan, False, 0.0)
     try:
         simulation, pose = _started(standard, solver)
         rested = come_to_rest(simulation, pose)
@@ -138,7 +145,7 @@ def measure(solver: str, spacing: float, *, repeats: int = 1) -> Measured:
         shape = sampled(cloth, place)
         simulation, pose = _started(curtain(spacing=spacing, gather=0.0), solver)
         rested = come_to_rest(simulation, pose) and rested
-        period, seconds = _swing(simulation, pose, repeats)
+        period, timing = _swing(simulation, pose, repeats)
         substeps = simulation.substeps
         if not rested:
             result = f"not at rest after {PATIENCE:g} s"
@@ -147,7 +154,8 @@ def measure(solver: str, spacing: float, *, repeats: int = 1) -> Measured:
     hem = place.reshape(cloth.rows, cloth.columns, 3)[-1]
     return Measured(
         solver, spacing, cloth.vertices, substeps, shape, float(hem[:, 2].mean()),
-        float(np.linalg.norm(hem[-1] - hem[0])), period, _chain_period_of(standard.scene), seconds, result,
+        float(np.linalg.norm(hem[-1] - hem[0])), period, _chain_period_of(standard.scene), timing.wall, result,
+        timing.cpu, timing.disturbed,
     )  # fmt: skip
 
 
@@ -172,6 +180,8 @@ def rows_of(found: Sequence[Measured], reference: Measured) -> list[Row]:
                 period_order=order([abs(b - a) for a, b in itertools.pairwise(periods)]),
                 seconds_per_second=this.seconds,
                 result=this.result,
+                cpu_seconds_per_second=this.cpu_seconds,
+                disturbed=this.disturbed,
             )
         )
     return rows
@@ -258,8 +268,8 @@ def _brake(simulation: Simulation, share: float) -> None:
     simulation.start_from(snapshot._replace(place=snapshot.place._replace(state=state)))
 
 
-def _swing(simulation: Simulation, pose: Pose, repeats: int) -> tuple[float, float]:
-    """Release a flat sheet at rest in its slowest swing; period [s], wall time per second of motion [s]."""
+def _swing(simulation: Simulation, pose: Pose, repeats: int) -> tuple[float, Timing]:
+    """Release a flat sheet at rest in its slowest swing; period [s], and times per second of motion [s]."""
     cloth = simulation.scene.cloth
     down = cloth.pattern[:, 1]
     mode = first_mode(1.0 - down / down.max())
@@ -269,16 +279,20 @@ def _swing(simulation: Simulation, pose: Pose, repeats: int) -> tuple[float, flo
     # It passes the middle after a quarter, three and five quarters of a period.
     frames = math.ceil(1.4 * _chain_period_of(simulation.scene) * FPS)
     weights = cloth.masses() * mode
-    swung, best = np.zeros(frames + 1), np.full(frames, np.inf)
-    for _ in range(repeats):
+    swung = np.zeros(frames + 1)
+
+    def once() -> Clock:
+        clock = Clock()
         simulation.start_from(start)
         swung[0] = weights @ simulation.positions[:, 0]
         for frame in range(frames):
-            begun = time.perf_counter()
-            simulation.step(pose, 1.0 / FPS)
-            best[frame] = min(best[frame], time.perf_counter() - begun)
+            with clock.running():
+                simulation.step(pose, 1.0 / FPS)
             swung[frame + 1] = weights @ simulation.positions[:, 0]
-    return period_of(swung), float(best.sum()) * FPS / frames
+        return clock
+
+    timing, per_second = quickest(once, repeats=repeats), FPS / frames
+    return period_of(swung), timing._replace(wall=timing.wall * per_second, cpu=timing.cpu * per_second)
 
 
 def period_of(swung: FloatArray) -> float:

@@ -17,6 +17,7 @@ from cape.solvers import SOLVERS
 REFINED = (1.5, 2.0, 4.0, 8.0)  # times as many steps as an explicit solver needs
 AIM_MM = 0.01  # smallest error to be told from none in a smooth scene
 REFERENCE_SHARE = 0.35  # of the time for a scene
+LEFT_OUT = "left out"
 SHOWN_MM = 10.0  # error that the run which is shown of a solver may have
 
 Told = Callable[[int], Callable[[], None]]
@@ -31,7 +32,7 @@ class Row(Figures):
         solver: its name.
         setting: what was asked of it.
         substeps: steps in a frame.
-        seconds_per_second: wall time per second of motion; 1 is real time.
+        seconds_per_second: wall time per second of motion, of the quickest whole run; 1 is real time.
         rms_mm: as in `Error`.
         max_mm: the same.
         shape_mm: the same.
@@ -44,6 +45,8 @@ class Row(Figures):
         retaken: frames that were taken again in shorter steps, or did not converge.
         frames: that it got through.
         result: "finished", or why it broke off or was left out.
+        cpu_seconds_per_second: CPU time per second of motion of that run.
+        disturbed: whether something else had the processor whenever it was run.
     """
 
     scene: str
@@ -62,6 +65,13 @@ class Row(Figures):
     retaken: int = 0
     frames: int = 0
     result: str = "finished"
+    cpu_seconds_per_second: float = math.nan
+    disturbed: bool = False
+
+    @property
+    def left_out(self) -> bool:
+        """Whether it was not run at all."""
+        return self.result.startswith(LEFT_OUT)
 
     @property
     def finished(self) -> bool:
@@ -152,7 +162,7 @@ def _runs(stage: Stage, settings: list[Setting], repeats: int, share: float, win
         if last is not None:
             expected = last.seconds * stage.seconds * (steps / last.substeps) ** _growth(setting.solver)
         if last is not None and spent + expected > share:
-            why, name = f"left out: it takes about {_seconds(expected)}", stage.standard.name
+            why, name = f"{LEFT_OUT}: it takes about {_seconds(expected)}", stage.standard.name
             yield Row(name, setting.solver, str(setting), steps, math.nan, result=why), None
             continue
         most = share / len(settings)
@@ -196,6 +206,8 @@ def row_of(scene: str, run: Trajectory, error: Error, window_mm: float) -> Row:
         retaken=run.retaken,
         frames=len(run.times),
         result=run.result,
+        cpu_seconds_per_second=run.cpu_seconds,
+        disturbed=run.disturbed,
     )
 
 

@@ -1,6 +1,5 @@
 """A run of a standard scene at one setting of a solver: where the vertices go, and how long it takes."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.measure.ledger import Balance, Ledger
+from cape.report.measured.clock import Clock, quickest
 from cape.run.auto import Auto, AutoSimulation
 from cape.run.simulation import Diverged, Simulation, Snapshot
 from cape.scene.poses import poses_of
@@ -70,9 +70,11 @@ class Trajectory:
         stretch: largest strain of each frame, shape (F,).
         penetration: deepest penetration of each frame [m], shape (F,).
         kinetic_energy: [J], shape (F,).
-        seconds: wall time of the steps per second of motion, of each frame the least of all repeats [s].
+        seconds: wall time of the steps per second of motion, of the quickest whole run [s].
         spent: wall time of all repeats [s].
         retaken: frames that were taken again in shorter steps, or did not converge.
+        cpu_seconds: CPU time of that run, as `seconds` [s].
+        disturbed: whether something else had the processor in all runs (`clock.Timing`).
         snapshots: by frame, where each of the stage's windows begins.
         result: "finished", or why it broke off.
     """
@@ -87,6 +89,8 @@ class Trajectory:
     seconds: float
     spent: float
     retaken: int
+    cpu_seconds: float = np.nan
+    disturbed: bool = False
     snapshots: dict[int, Snapshot] = field(default_factory=dict)
     result: str = "finished"
 
@@ -170,25 +174,24 @@ class Stage:
 
         Args:
             setting: of the solver.
-            repeats: times that the run is taken, all with the same result.
+            repeats: times that the run is taken, all with the same result; again where it was disturbed.
             enough: told after each repeat how long all have taken [s]; True ends them.
         """
         simulation = self._simulation(setting)
         simulation.start_from(self._start)
         simulation.forecast(self._step(1))  # compiles
-        best = np.full(self.frames - 1, np.inf)
         snapshots: dict[int, Snapshot] = {}
-        durations, taken, result = self._once(simulation, snapshots)
+        first, taken, result = self._once(simulation, snapshots)
         retaken = simulation.retried + simulation.refined + simulation.unconverged
-        spent = sum(durations)
-        best[: len(durations)] = durations
-        for _ in range(1, repeats):
-            if enough(spent):
-                break
+        clocks = [first]
+
+        def again() -> Clock:
+            if clocks:
+                return clocks.pop()
             simulation.start_from(self._start)
-            durations, _, _ = self._once(simulation)
-            best[: len(durations)] = np.minimum(best[: len(durations)], durations)
-            spent += sum(durations)
+            return self._once(simulation)[0]
+
+        timing = quickest(again, repeats=repeats, threads=self.threads, enough=enough)
         done = len(taken)
         span = float(self.times[done - 1] - self.times[0])
         return Trajectory(
@@ -199,9 +202,11 @@ class Stage:
             stretch=np.array([reading.stretch for _, reading in taken]),
             penetration=np.array([reading.penetration for _, reading in taken]),
             kinetic_energy=np.array([reading.kinetic_energy for _, reading in taken]),
-            seconds=float(best[: done - 1].sum()) / span if span > 0.0 else np.inf,
-            spent=spent,
+            seconds=timing.wall / span if span > 0.0 else np.inf,
+            spent=timing.spent,
             retaken=retaken,
+            cpu_seconds=timing.cpu / span if span > 0.0 else np.inf,
+            disturbed=timing.disturbed,
             snapshots=snapshots,
             result=result,
         )
@@ -239,23 +244,22 @@ class Stage:
 
     def _once(
         self, simulation: Simulation, snapshots: dict[int, Snapshot] | None = None
-    ) -> tuple[list[float], list[Any], str]:
+    ) -> tuple[Clock, list[Any], str]:
         """Take the motion; readings and snapshots are taken where these are asked for, apart from the clock."""
-        durations: list[float] = []
+        clock = Clock()
         meter = simulation.meter()
         readings = [(simulation.positions, simulation.read(meter))]
         for frame in range(1, self.frames):
-            begun = time.perf_counter()
             try:
-                simulation.step(self._poses[frame], self._step(frame))
+                with clock.running():
+                    simulation.step(self._poses[frame], self._step(frame))
             except Diverged as error:
-                return durations, readings, f"diverged at frame {frame}: {error}"
-            durations.append(time.perf_counter() - begun)
+                return clock, readings, f"diverged at frame {frame}: {error}"
             if snapshots is not None:
                 readings.append((simulation.positions, simulation.read(meter)))
                 if frame in self.window_starts:
                     snapshots[frame] = simulation.snapshot()
-        return durations, readings, "finished"
+        return clock, readings, "finished"
 
     def _step(self, frame: int) -> float:
         return float(self.times[frame] - self.times[frame - 1])

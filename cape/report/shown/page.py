@@ -1,6 +1,7 @@
 """The report as a page that is read in a minute: Markdown, and the same as HTML."""
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -8,6 +9,7 @@ from cape.bench.plot import NAMES
 from cape.report.cases import CASES, JITTER
 from cape.report.measured import resolution
 from cape.report.measured.accuracy import LAST
+from cape.report.measured.clock import LEAST_SHARE
 from cape.report.measured.energy import Account
 from cape.report.measured.resolution import Row as SpaceRow
 from cape.report.measured.stability import DEGRADES, FAILS, GROWTH, PASSES, PATIENCE, PENETRATION, Outcome
@@ -18,11 +20,13 @@ from cape.report.run import Report, Scene
 from cape.run.auto import Auto
 from motions.files import write_text
 
+VIEWPORT = "<meta name='viewport' content='width=device-width, initial-scale=1'>"
 ENERGY_TERMS = ("kinetic", "elastic", "potential", "attachments", "contacts", "air", "damping", "numerical")
-SIGNS = {PASSES: "\N{LARGE GREEN CIRCLE}", DEGRADES: "\N{LARGE YELLOW CIRCLE}", FAILS: "\N{LARGE RED CIRCLE}"}
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 1100px; margin: 2em auto; padding: 0 1em; color: #222 }
-table { border-collapse: collapse; margin: 1em 0 }
+table { border-collapse: collapse; margin: 1em 0; display: block; max-width: 100%; overflow-x: auto }
+td.passes { background: #dff0d8 } td.degrades { background: #fdf0c4 } td.fails { background: #f6cfc9 }
+@media (max-width: 40em) { body { font-size: 13px; margin: 1em auto } th, td { padding: 2px 6px } }
 th, td { padding: 3px 10px; border-bottom: 1px solid #ddd; text-align: left }
 td { font-variant-numeric: tabular-nums }
 img { max-width: 100% }
@@ -52,10 +56,11 @@ def markdown(report: Report, *, pictures: bool, recordings: bool, command: str) 
         f"within {WINDOW:g} s from states of the reference.",
         "",
         *_table(
-            ["scene", "error of", *(f"{mm:g} mm" for mm in ACCURACIES_MM)],
-            [[scene.name, _measure(scene), *_choices(scene)] for scene in report.scenes],
+            ["scene", "error of", *(f"{mm:g} mm" for mm in ACCURACIES_MM), "left out"],
+            [[scene.name, _measure(scene), *_choices(scene), _left_out(scene)] for scene in report.scenes],
         ),
     ]
+    lines += ["", *_faults(report)]
     lines += ["", *_stability(report)]
     lines += ["", *_space(report, pictures=pictures)]
     lines += ["", *_energy(report, pictures=pictures)]
@@ -70,8 +75,10 @@ def html(text: str) -> str:
     from markdown_it import MarkdownIt
 
     body = MarkdownIt("commonmark").enable("table").render(text)
-    title = "What a time step costs"
-    return f"<!doctype html>\n<meta charset='utf-8'>\n<title>{title}</title>\n<style>{STYLE}</style>\n{body}"
+    # A table has no other place for the class of a cell than its first word.
+    body = re.sub(rf"<td>({PASSES}|{DEGRADES}|{FAILS})\b", r'<td class="\1">\1', body)
+    head = f"<meta charset='utf-8'>\n{VIEWPORT}\n<title>What a time step costs</title>\n<style>{STYLE}</style>"
+    return f"<!doctype html>\n{head}\n{body}"
 
 
 def choice(scene: Scene, accuracy_mm: float) -> Row | None:
@@ -109,9 +116,42 @@ def _choices(scene: Scene) -> list[str]:
         if row is None:
             unsure = not _error(scene, scene.uncertainty) <= accuracy
             result.append("not known: the reference is not as sure" if unsure else "none of these")
+        elif len(_run_of(scene, row.solver)) < 2:
+            result.append(f"not told: of {NAMES[row.solver]} one setting alone was run")
         else:
             result.append(f"{NAMES[row.solver]}, {row.setting}: {_speed(row)}")
     return result
+
+
+def _run_of(scene: Scene, solver: str) -> list[Row]:
+    """The settings of a solver that were run."""
+    return [row for row in scene.rows if row.solver == solver and not row.left_out]
+
+
+def _left_out(scene: Scene) -> str:
+    """How many settings of which solvers were not run, which the choice therefore knows nothing of."""
+    texts = []
+    for solver in dict.fromkeys(row.solver for row in scene.rows):
+        every = sum(row.solver == solver for row in scene.rows)
+        run = len(_run_of(scene, solver))
+        if run < every:
+            texts.append(f"{NAMES[solver]}: {every - run} of {every}")
+    return ", ".join(texts)
+
+
+def _faults(report: Report) -> list[str]:
+    """What does not pass, in a line for each solver."""
+    if not report.stability:
+        return []
+    lines = ["## What fails", ""]
+    for solver in report.plan.solvers:
+        outcomes = [outcome for outcome in report.stability if outcome.solver == solver]
+        texts = [f"passes {sum(outcome.result == PASSES for outcome in outcomes)} of {len(outcomes)} stress cases"]
+        for result in (DEGRADES, FAILS):
+            cases = [outcome.case for outcome in outcomes if outcome.result == result]
+            texts += [f"{result} in {', '.join(cases)}"] if cases else []
+        lines.append(f"- **{NAMES[solver]}** {'; '.join(texts)}")
+    return lines
 
 
 def _space(report: Report, *, pictures: bool) -> list[str]:
@@ -131,6 +171,7 @@ def _space(report: Report, *, pictures: bool) -> list[str]:
         ("error", lambda row: "" if math.isnan(row.period_error) else f"{row.period_error:+.3%}"),
         ("order", lambda row: _fixed(row.period_order, 1)),
         ("s per s", lambda row: _number(row.seconds_per_second) if row.result == "finished" else row.result),
+        ("CPU s per s", lambda row: _number(row.cpu_seconds_per_second) + " (disturbed)" * row.disturbed),
     ]
     return [
         "## What resolution buys",
@@ -143,8 +184,8 @@ def _space(report: Report, *, pictures: bool) -> list[str]:
         "figure does not converge. At order 2 the finest sheet is itself still off by a third of what the last halving "
         "has changed; the period's error does not end at zero, since threads that stretch slow the swing. Symplectic "
         "Euler shortens its steps with the spacing; XPBD by default does not, and each of its steps solves a finer "
-        "mesh less well: fine meshes need more substeps of it. Last, wall time per "
-        "second of motion.",
+        "mesh less well: fine meshes need more substeps of it. Last, wall and CPU "
+        "time per second of motion.",
         "",
         *(["![One sheet at several spacings](space.png)", ""] if pictures else []),
         *_table([name for name, _ in columns], [[of(row) for _, of in columns] for row in report.space]),
@@ -170,10 +211,10 @@ def _stability(report: Report) -> list[str]:
         "",
         f"Every solver at its default settings, {repeats} runs of each from starts jittered by {1e6 * JITTER:g} "
         "micrometre; the worst is shown: largest strain, deepest penetration, growth of energy after the bones have "
-        "come to rest as a share of weight times size, and the wall time of one run. "
-        f"{SIGNS[PASSES]} passes, {SIGNS[DEGRADES]} degrades: more strain than the case allows for, deeper than "
-        f"{1e3 * PENETRATION:g} mm, energy grown by more than {GROWTH:.0%}, or over {PATIENCE:g} s; {SIGNS[FAILS]} "
-        "fails: breaks off with a word on what to change, and what was computed till then stays.",
+        "come to rest as a share of weight times size, the wall time of one run, and how many frames were taken again "
+        "in shorter steps or did not converge. It degrades by more strain than the case allows for, deeper than "
+        f"{1e3 * PENETRATION:g} mm, energy grown by more than {GROWTH:.0%}, or over {PATIENCE:g} s of CPU time; it "
+        "fails where it breaks off, with a word on what to change, and what was computed till then stays.",
         "",
         *_table(["case", *(NAMES[solver] for solver in report.plan.solvers)], rows),
     ]
@@ -182,7 +223,8 @@ def _stability(report: Report) -> list[str]:
 def _cell(outcome: Outcome) -> str:
     growth = "" if math.isnan(outcome.energy_growth) else f", +{outcome.energy_growth:.1%}"
     numbers = f"{outcome.stretch_max:.1%}, {_number(outcome.penetration_max_mm)} mm{growth}, {outcome.seconds:.2f} s"
-    return f"{SIGNS[outcome.result]} {numbers}" + (f" ({outcome.why})" if outcome.why else "")
+    again = f", {outcome.retaken} again" if outcome.retaken else ""
+    return f"{outcome.result}: {numbers}{again}" + (f" ({outcome.why})" if outcome.why else "")
 
 
 def _energy(report: Report, *, pictures: bool) -> list[str]:
@@ -228,6 +270,7 @@ def _section(scene: Scene, *, pictures: bool, recordings: bool) -> list[str]:
         ("solver", lambda row: NAMES[row.solver]),
         ("setting", lambda row: row.setting),
         ("speed", lambda row: _speed(row) if row.finished else row.result),
+        ("CPU s per s", lambda row: _number(row.cpu_seconds_per_second)),
         ("RMS mm", lambda row: _number(row.rms_mm)),
         ("max mm", lambda row: _number(row.max_mm)),
         (f"RMS mm after {WINDOW:g} s", lambda row: _number(row.window_mm)),
@@ -255,8 +298,9 @@ def _notes() -> list[str]:
         "",
         "Errors are distances between the vertices of a run and those of the reference, over all vertices and "
         "frames. All runs of a scene set out from the same state of a cape that has settled, and use the same mesh: "
-        "what the mesh itself gets wrong is another matter. Speed counts the steps alone, each frame's the least of "
-        "all repeats; compiling, settling and measuring are apart.",
+        "what the mesh itself gets wrong is another matter. Speed counts the steps alone, of the quickest whole run; "
+        "compiling, settling and measuring are apart. A run that had less than "
+        f"{LEAST_SHARE:.0%} of a processor is taken again, and marked as disturbed where that did not help.",
         "",
         "With contact, or where cloth buckles, which of two sides a fold falls to is decided by arbitrarily small "
         "differences: trajectories of any two steps diverge, however short they are. What stays comparable is the "
@@ -281,7 +325,7 @@ def _error(scene: Scene, row: Row) -> float:
 
 
 def _speed(row: Row) -> str:
-    return f"{_number(1.0 / row.seconds_per_second)} x"
+    return f"{_number(1.0 / row.seconds_per_second)} x" + " (disturbed)" * row.disturbed
 
 
 def _number(value: float) -> str:

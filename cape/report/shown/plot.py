@@ -32,7 +32,7 @@ def save_diagram(scene: Scene, path: Path) -> None:
     kinds = [("rms_mm", "root mean square error of trajectories [mm]")]
     if not scene.smooth:
         kinds = [("window_mm", f"error after {WINDOW:g} s from the reference's states [mm]"), *kinds]
-    figure = _figure(6.5 * len(kinds), 4.8)
+    figure = _figure(8.2 * len(kinds), 4.8)
     for axes, (kind, label) in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
         draw(axes, scene, kind)
         axes.set_xlabel(label)
@@ -65,7 +65,7 @@ def draw(axes: Any, scene: Scene, kind: str) -> None:
     axes.set(xscale="log", yscale="log", ylabel="wall time per second of motion [s]")
     axes.set_xlim(left=left)
     axes.grid(True, which="major", alpha=0.3)
-    axes.legend(fontsize=8, frameon=False)
+    axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
 def save_space_diagram(rows: Sequence[SpaceRow], path: Path) -> None:
@@ -74,7 +74,7 @@ def save_space_diagram(rows: Sequence[SpaceRow], path: Path) -> None:
     Raises:
         UserError: matplotlib is not installed.
     """
-    figure = _figure(13.0, 4.8)
+    figure = _figure(15.0, 4.8)
     shape, period = figure.subplots(1, 2)
     draw_space(shape, [(row, row.shape_mm) for row in rows], "distance from the finest sheet at rest [mm]")
     draw_space(period, [(row, 100.0 * abs(row.period_error)) for row in rows], "error of the period [%]")
@@ -94,7 +94,7 @@ def draw_space(axes: Any, errors: Sequence[tuple[SpaceRow, float]], label: str) 
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()
     axes.grid(True, which="major", alpha=0.3)
-    axes.legend(fontsize=8, frameon=False)
+    axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
 def save_energy(accounts: Sequence[Account], path: Path) -> None:
