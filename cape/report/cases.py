@@ -49,7 +49,8 @@ class Case:
         name: what it is called.
         about: what happens in it.
         build: makes its scene and motion.
-        stretch: strain of a thread that is no fault [1], 0.1 where nothing draws harder.
+        stretch: strain of a thread that is no fault whatever draws [1]: by default what a user would take for cloth.
+        reason: why so much and no more; empty where a converged run may show that more is due (`stability`).
         after: time from which strain and penetration count [s]; before it the scene itself asks for the impossible.
         disturb: offsets of the vertices at the start [m], from a generator of random numbers and their positions.
         cuts: what counts as a jump of the bones, None to take all as motion.
@@ -59,6 +60,7 @@ class Case:
     about: str
     build: Callable[[], StandardScene]
     stretch: float = 0.1
+    reason: str = ""
     after: float = 0.0
     disturb: Disturbed = jittered
     cuts: Cuts | None = field(default_factory=Cuts)
@@ -258,23 +260,29 @@ def _on_the_floor() -> StandardScene:
 
 _CASES = (
     Case("stiff", "1e8 N/m, undamped, hanging", _stiff),
-    Case("pulled", "1e7 N/m, drawn to 1 % of strain by its ends", _pulled, stretch=0.011),
+    Case(
+        "pulled",
+        "1e7 N/m, drawn to 1 % of strain by its ends",
+        _pulled,
+        stretch=0.011,
+        reason="1.1 times what its ends are drawn to",
+    ),
     Case("crumpled", "all vertices start anywhere", hung, after=1.5, disturb=crumpled),
     Case("flattened", "all vertices start at one height", hung, after=1.5, disturb=flattened),
-    Case("twisted", "three turns of a strip by its ends", _twisted, stretch=0.25),
+    Case("twisted", "three turns of a strip by its ends", _twisted),
     Case("pinched", "two limbs close on the cape, 8 cm into each other", _pinched, after=2.5),
     Case("inside", "starts across a ball", _started_inside, after=1.0),
     Case("teleported", "10 m in a frame", _teleported),
     Case("half a turn", "in a frame", _half_turned),
-    Case("struck", "by an arm at 30 m/s", lambda: _struck(0.04, 30.0), stretch=0.5),
-    Case("cut", "by a rod of 5 mm at 30 m/s", lambda: _struck(0.005, 30.0), stretch=0.5),
+    Case("struck", "by an arm at 30 m/s", lambda: _struck(0.04, 30.0)),
+    Case("cut", "by a rod of 5 mm at 30 m/s", lambda: _struck(0.005, 30.0)),
     Case("poked", "by a rod of 4 mm between vertices 5 cm apart", _thin),
     Case("light", "vertices of 2 mg", lambda: hung(fabric=Fabric(density=1e-3))),
     Case("graded", "masses that differ 10,000 times", lambda: hung(cloth=_graded())),
     Case("slivers", "triangles 50 times as long as high", lambda: hung(cloth=_slivers())),
     Case("unsewn", "two halves with vertices of their own along the seam", lambda: hung(cloth=_unsewn())),
-    Case("stormy", "in a wind of 40 m/s", lambda: hung(wind=Wind(velocity=(40.0, 0.0, 0.0))), stretch=0.2),
-    Case("shaken", "three times a second by half a metre", _shaken, stretch=0.3),
+    Case("stormy", "in a wind of 40 m/s", lambda: hung(wind=Wind(velocity=(40.0, 0.0, 0.0)))),
+    Case("shaken", "three times a second by half a metre", _shaken),
     Case("jerky", "10 frames a second", lambda: _at(10.0)),
     Case("swift", "240 frames a second", lambda: _at(240.0)),
     Case("dropped", "on edge, to fold up on the ground", _on_the_floor),

@@ -12,6 +12,7 @@ from cape.report.plan import Plan
 from cape.run.simulation import Simulation
 from cape.scene.poses import poses_of
 from cape.scene.standard_scenes import StandardScene, curtain, standard_scene
+from cape.solvers import SOLVERS
 
 
 def compile_all(plan: Plan) -> None:
@@ -38,7 +39,8 @@ def _simulations(plan: Plan) -> Iterator[tuple[StandardScene, Simulation]]:
     for name in plan.cases:
         standard = CASES[name].build()
         for solver in plan.solvers:
-            yield standard, simulation_of(CASES[name], standard, solver)
+            yield standard, simulation_of(CASES[name], standard, SOLVERS[solver]())
+        yield standard, EXACT.simulation(standard.scene, threads=1)
     for spacing in plan.spacings[:1]:
         standard = curtain(spacing=spacing)
         for solver in {resolution.REFERENCE, *resolution.MEASURED} & {resolution.REFERENCE, *plan.solvers}:

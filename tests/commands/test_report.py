@@ -337,14 +337,25 @@ def test_a_disturbed_run_is_marked():
 
 
 def outcome(case: str, solver: str, result: str, **fields: Any) -> Outcome:
-    plain = Outcome(case, solver, 2, result, "", 0.05, 0.0, math.nan, 0.3, 0)
+    plain = Outcome(case, solver, 2, result, "", 0.05, 0.0, math.nan, 0.3, 0, stretch_limit=0.1, limit="usual")
     return dataclasses.replace(plain, **fields)
 
 
 def test_what_fails_is_told_in_a_line_and_coloured_in_the_table():
     outcomes = [
         outcome("shaken", "euler", "passes"),
-        outcome("shaken", "xpbd", "degrades", why="strain above 30%", retaken=7),
+        outcome(
+            "shaken",
+            "xpbd",
+            "degrades",
+            why="strain above 0.3",
+            retaken=7,
+            stretch_max=0.4,
+            stretch_least=0.2,
+            chaotic=True,
+            stretch_limit=0.3,
+            limit="1.1 times the 27.3% of a converged run",
+        ),
         outcome("jerky", "euler", "passes"),
         outcome("jerky", "xpbd", "fails", why="repeat 0: it explodes"),
     ]
@@ -356,7 +367,10 @@ def test_what_fails_is_told_in_a_line_and_coloured_in_the_table():
     assert text.index("## Which solver") < text.index("## What fails") < text.index("## Stress cases")
     rendered = page.html(text)
     assert rendered.count('<td class="passes">passes: 5.0%, 0 mm, 0.30 s</td>') == 2
-    assert '<td class="degrades">degrades: 5.0%, 0 mm, 0.30 s, 7 again (strain above 30%)</td>' in rendered
+    degraded = "degrades: chaotic, 20.0% to 40.0%, 0 mm, 0.30 s, 7 again (strain above 0.3)"
+    assert f'<td class="degrades">{degraded}</td>' in rendered
+    assert "<td>0.3: 1.1 times the 27.3% of a converged run</td>" in rendered
+    assert "<td>0.1: usual</td>" in rendered
     assert rendered.count('<td class="fails">') == 1
     assert all(ord(sign) < 0x2000 for sign in rendered), "a sign that a plain font may lack"
 

@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from cape import Cloth, Scene, Simulation, SymplecticEuler, attach
+from cape import Cloth, Fabric, Scene, Simulation, SymplecticEuler, attach
 from cape.report.cases import CASES, Case, crumpled, flattened, hung
 from cape.report.measured import stability
 from cape.report.measured.stability import DEGRADES, FAILS, PASSES, Outcome, still_from, stress
 from cape.scene.poses import Pose
-from cape.scene.standard_scenes import FPS
+from cape.scene.standard_scenes import FPS, StandardScene, frame_times
 from motions.errors import ValueRangeError
 from tests.run.test_simulation import hanging, swing
 from tests.support.scenes import bend_energy, spring_energy
@@ -118,13 +118,45 @@ def test_a_sheet_that_hangs_passes():
 
 
 def test_more_strain_than_the_case_allows_for_degrades():
-    outcome = stress(quick(stretch=1e-4), "euler", repeats=1)
-    assert (outcome.result, outcome.why) == (DEGRADES, "strain above 0%")
+    outcome = stress(quick(stretch=1e-4, reason="so it is"), "euler", repeats=1)
+    assert (outcome.result, outcome.why) == (DEGRADES, "strain above 0.0001")
+    assert (outcome.stretch_limit, outcome.limit) == (1e-4, "so it is")
+
+
+def swung() -> StandardScene:
+    """A sheet whose rod shakes it for half a second."""
+    times = frame_times(0.5)
+    places = np.zeros((len(times), 3))
+    places[:, 0] = 0.2 * np.sin(12.0 * np.pi * times)
+    return hung(places={"rod": places}, seconds=0.5, fabric=Fabric(stretch=100.0))
+
+
+def test_as_much_strain_as_a_converged_run_has_is_no_fault():
+    case = quick(build=swung, stretch=0.01)
+    coarse, fine = stability.reference_strains(case)
+    assert fine > 0.05
+    assert coarse == pytest.approx(fine, rel=0.02)
+    outcome = stress(case, "euler", repeats=1)
+    assert (outcome.result, outcome.stretch_limit) == (PASSES, 1.1 * max(coarse, fine))
+    assert f"1.1 times the {fine:.1%} of a converged run" in outcome.limit
+    # What nobody asked to be judged by does not lower what a user would take for cloth.
+    assert stability.limit_of(quick(build=swung, stretch=5.0), 6.0) == (5.0, stability.USUAL)
+    assert stability.limit_of(case, 0.005) == (0.01, stability.USUAL)
+
+
+def test_repeats_that_differ_are_chaotic(monkeypatch: pytest.MonkeyPatch):
+    strains = iter([0.02, 0.021, 0.02, 0.05, 0.02, 0.2])
+    run = stability._run
+    monkeypatch.setattr(stability, "_run", lambda *given: dataclasses.replace(run(*given), stretch=next(strains)))
+    calm, wide, torn = (stress(quick(reason="so it is"), "euler", repeats=2) for _ in range(3))
+    assert (calm.chaotic, calm.result, calm.stretch_least, calm.stretch_max) == (False, PASSES, 0.02, 0.021)
+    assert (wide.chaotic, wide.result) == (True, PASSES)
+    assert (torn.chaotic, torn.result) == (True, DEGRADES)
 
 
 def test_strain_counts_from_the_time_on_that_the_case_says():
     drawn = quick(disturb=lambda rng, positions: 0.5 * positions - 0.5 * positions.max(axis=0))
-    assert stress(drawn, "backward_euler", repeats=1).result == DEGRADES
+    assert stress(dataclasses.replace(drawn, reason="so it is"), "backward_euler", repeats=1).result == DEGRADES
     later = dataclasses.replace(drawn, after=0.25)
     assert (
         stress(later, "backward_euler", repeats=1).stretch_max < stress(drawn, "backward_euler", repeats=1).stretch_max

@@ -12,7 +12,7 @@ from cape.report.measured.accuracy import LAST
 from cape.report.measured.clock import LEAST_SHARE
 from cape.report.measured.energy import Account
 from cape.report.measured.resolution import Row as SpaceRow
-from cape.report.measured.stability import DEGRADES, FAILS, GROWTH, PASSES, PATIENCE, PENETRATION, Outcome
+from cape.report.measured.stability import DEGRADES, FAILS, GROWTH, PASSES, PATIENCE, PENETRATION, SCATTER, Outcome
 from cape.report.measured.sweep import Row
 from cape.report.measured.trajectory import WINDOW
 from cape.report.plan import ACCURACIES_MM
@@ -203,7 +203,11 @@ def _stability(report: Report) -> list[str]:
         return []
     repeats = max(outcome.repeats for outcome in report.stability)
     rows = [
-        [f"**{case}**: {CASES[case].about}", *(_cell(found[case, solver]) for solver in report.plan.solvers)]
+        [
+            f"**{case}**: {CASES[case].about}",
+            _allowed([found[case, solver] for solver in report.plan.solvers]),
+            *(_cell(found[case, solver]) for solver in report.plan.solvers),
+        ]
         for case in report.plan.cases
     ]
     return [
@@ -214,15 +218,26 @@ def _stability(report: Report) -> list[str]:
         "come to rest as a share of weight times size, the wall time of one run, and how many frames were taken again "
         "in shorter steps or did not converge. It degrades by more strain than the case allows for, deeper than "
         f"{1e3 * PENETRATION:g} mm, energy grown by more than {GROWTH:.0%}, or over {PATIENCE:g} s of CPU time; it "
-        "fails where it breaks off, with a word on what to change, and what was computed till then stays.",
+        "fails where it breaks off, with a word on what to change, and what was computed till then stays. Energy "
+        "counts from the frame on in which the bones rest. Where runs differ by more than "
+        f"{SCATTER:.0%} in strain, or in what becomes of them, they are chaotic, and the least strain is shown, too.",
         "",
-        *_table(["case", *(NAMES[solver] for solver in report.plan.solvers)], rows),
+        *_table(["case", "strain allowed", *(NAMES[solver] for solver in report.plan.solvers)], rows),
     ]
+
+
+def _allowed(outcomes: Sequence[Outcome]) -> str:
+    """The strain that is no fault in a case, and why; some solvers may have needed no more than the usual."""
+    widest = max(outcomes, key=lambda outcome: outcome.stretch_limit)
+    return f"{widest.stretch_limit:.3g}: {widest.limit}"
 
 
 def _cell(outcome: Outcome) -> str:
     growth = "" if math.isnan(outcome.energy_growth) else f", +{outcome.energy_growth:.1%}"
-    numbers = f"{outcome.stretch_max:.1%}, {_number(outcome.penetration_max_mm)} mm{growth}, {outcome.seconds:.2f} s"
+    strain = f"{outcome.stretch_max:.1%}"
+    if outcome.chaotic:
+        strain = f"chaotic, {outcome.stretch_least:.1%} to {strain}"
+    numbers = f"{strain}, {_number(outcome.penetration_max_mm)} mm{growth}, {outcome.seconds:.2f} s"
     again = f", {outcome.retaken} again" if outcome.retaken else ""
     return f"{outcome.result}: {numbers}{again}" + (f" ({outcome.why})" if outcome.why else "")
 
