@@ -1,16 +1,17 @@
 """Springs of a grid cloth, with stiffness from its fabric so that the resolution does not change what it does.
 
-With cells of width a and height b, tension per width Y and shear stiffness G, a lattice of springs along the threads
-and both diagonals has the plane stiffness C11 = Y and C66 = G when
+Columns run down along the warp, rows across along the weft. With cells of width a and height b, tension per width
+Y_warp and Y_weft and shear stiffness G, a lattice of springs along the threads and both diagonals has the plane
+stiffness C11 = Y_weft, C22 = Y_warp and C66 = G when
 
     k_diagonal = G (a^2 + b^2) / (2 a b)
-    k_right = (b / a) (Y - G a^2 / b^2)
-    k_down = (a / b) (Y - G b^2 / a^2)
+    k_right = (b / a) (Y_weft - G a^2 / b^2)
+    k_down = (a / b) (Y_warp - G b^2 / a^2)
 
 for each cell, the two edges that share a cell side taking half each (from equating the energy of a cell under uniform
 strain; the diagonals carry the G terms). Bend springs draw a vertex to the midpoint of its neighbours, with energy
-1/2 k |p0 - 2 p1 + p2|^2; equal to B/2 times curvature squared for k = B b / a^3 across and B a / b^3 down. A distance
-spring over two cells, the usual choice, has an energy of fourth order in the curvature: no bending rigidity at all.
+1/2 k |p0 - 2 p1 + p2|^2; equal to B/2 times curvature squared for k = B_weft b / a^3 across and B_warp a / b^3 down. A
+distance spring over two cells, the usual choice, has an energy of fourth order in the curvature: no bending rigidity.
 """
 
 import numpy as np
@@ -36,14 +37,11 @@ def grid_springs(cloth: GridCloth) -> Springs:
     b = (along[:, :-1] + along[:, 1:]) / 2.0
 
     right, down = np.zeros((rows, columns)), np.zeros((rows, columns))
-    half = (
-        0.5 * layers * (b / a) * np.maximum(fabric.stretch - fabric.shear * (a / b) ** 2, LEAST_SHARE * fabric.stretch)
-    )
+    warp, weft = fabric.stretch_warp, fabric.stretch_weft
+    half = 0.5 * layers * (b / a) * np.maximum(weft - fabric.shear * (a / b) ** 2, LEAST_SHARE * weft)
     right[:-1, :-1] += half
     right[1:, :-1] += half
-    half = (
-        0.5 * layers * (a / b) * np.maximum(fabric.stretch - fabric.shear * (b / a) ** 2, LEAST_SHARE * fabric.stretch)
-    )
+    half = 0.5 * layers * (a / b) * np.maximum(warp - fabric.shear * (b / a) ** 2, LEAST_SHARE * warp)
     down[:-1, :-1] += half
     down[:-1, 1:] += half
     diagonal, anti = np.zeros((rows, columns)), np.zeros((rows, columns))
@@ -56,8 +54,8 @@ def grid_springs(cloth: GridCloth) -> Springs:
     width[:, :-1] += layers * a / 2.0
     width[:, 1:] += layers * a / 2.0
     bend_right, bend_down = np.zeros((rows, columns)), np.zeros((rows, columns))
-    bend_right[:, :-2] = fabric.bend * _middle(height, 1) / _middle(across, 1) ** 3
-    bend_down[:-2] = fabric.bend * _middle(width, 0) / _middle(along, 0) ** 3
+    bend_right[:, :-2] = fabric.bend_weft * _middle(height, 1) / _middle(across, 1) ** 3
+    bend_down[:-2] = fabric.bend_warp * _middle(width, 0) / _middle(along, 0) ** 3
 
     offsets = np.array([1, columns, columns + 1, columns - 1])
     rest = np.ones((4, rows * columns))

@@ -255,6 +255,8 @@ class Cloth(ABC):
 class GridCloth(Cloth):
     """A grid of rows x columns vertices, row after row from the top, the columns from the wearer's left to the right.
 
+    Columns run down along the warp, rows across along the weft; of a cape the warp runs from the neckline to the hem.
+
     Attributes:
         rows: number of rows.
         columns: number of columns.
@@ -287,7 +289,7 @@ class GridCloth(Cloth):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MeshCloth(Cloth):
-    """Any triangle mesh.
+    """Any triangle mesh, whose threads lie along the axes of each triangle's corners: the weft first, then the warp.
 
     Attributes:
         faces: vertex indices of the triangles, shape (T, 3).

@@ -1,20 +1,34 @@
-"""Fabrics by their measured properties, in SI units, independent of any mesh."""
+"""What a cloth is made of: its properties in SI units, independent of any mesh."""
 
 from dataclasses import dataclass
-from typing import Final
+from math import sqrt
+from typing import Any, Final
+
+import numpy as np
 
 from motions.errors import UnknownNameError, ValueRangeError
+
+PerThread = float | tuple[float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fabric:
     """What a cloth is made of.
 
+    Where a property may differ between the threads it is one number for both, or a pair (warp, weft); it reads back as
+    it was given. On a grid the columns are warp and the rows weft; on a mesh the pattern's second axis is warp, its
+    first weft.
+
+    Cloth is made of springs here, whose sums obey the relation of Cauchy: what couples both threads, C1122, is always
+    the shear stiffness, so that a fabric has no ratio of Poisson of its own to choose. Pulled along one thread and free
+    across, a cloth narrows by shear / stretch of the thread across, and resists with that much less: along the warp
+    with stretch_warp - shear^2 / stretch_weft.
+
     Attributes:
         density: mass per area [kg/m2].
-        stretch: tension per width and strain along the threads [N/m].
+        stretch: tension per width and strain along the threads [N/m], one number or (warp, weft).
         shear: tension per width and shear angle [N/m].
-        bend: bending moment per width and curvature [N m].
+        bend: bending moment per width and curvature along the threads [N m], one number or (warp, weft).
         damping_time: ratio of damping to stiffness of the springs [s]: a mode of angular frequency w is damped at the
             ratio damping_time w / 2, so that the shape of the motion stays and only the rattle of the threads goes.
         bend_damping_time: the same for bending [s]; like any force on second differences it also brakes, a little, a
@@ -22,24 +36,95 @@ class Fabric:
     """
 
     density: float = 0.2
-    stretch: float = 2000.0
+    stretch: PerThread = 2000.0
     shear: float = 200.0
-    bend: float = 1e-5
+    bend: PerThread = 1e-5
     damping_time: float = 1e-5
     bend_damping_time: float = 2e-3
 
     def __post_init__(self) -> None:
-        """Refuse values that no fabric has.
+        """Refuse values that no fabric has, and make a pair a tuple of two floats.
 
         Raises:
-            ValueRangeError: a value is negative, not finite, or zero where it must not be.
+            ValueRangeError: a value is negative, not finite, or zero where it must not be, or no number nor such a
+                pair as may stand there.
         """
+        for name in ("stretch", "bend"):
+            if np.ndim(given := getattr(self, name)) > 0:
+                object.__setattr__(self, name, _pair(name, given))
         for name in ("density", "stretch"):
-            if not 0.0 < getattr(self, name) < float("inf"):
+            if not all(0.0 < value < float("inf") for value in self._numbers(name)):
                 raise ValueRangeError(f"fabric {name} must be positive and finite, not {getattr(self, name)}")
         for name in ("shear", "bend", "damping_time", "bend_damping_time"):
-            if not 0.0 <= getattr(self, name) < float("inf"):
+            if not all(0.0 <= value < float("inf") for value in self._numbers(name)):
                 raise ValueRangeError(f"fabric {name} must be zero or more and finite, not {getattr(self, name)}")
+
+    def _numbers(self, name: str) -> tuple[float, ...]:
+        """A property as a tuple of floats.
+
+        Raises:
+            ValueRangeError: it is something else.
+        """
+        given: Any = getattr(self, name)
+        if name in ("stretch", "bend") and np.ndim(given) > 0:
+            return given
+        try:
+            return (float(given + 0.0),)
+        except TypeError:
+            raise ValueRangeError(f"fabric {name} must be one number, not {given!r}") from None
+
+    @property
+    def stretch_warp(self) -> float:
+        """Tension per width and strain along the warp [N/m]."""
+        return _of_threads(self.stretch)[0]
+
+    @property
+    def stretch_weft(self) -> float:
+        """Tension per width and strain along the weft [N/m]."""
+        return _of_threads(self.stretch)[1]
+
+    @property
+    def bend_warp(self) -> float:
+        """Bending moment per width and curvature along the warp [N m]."""
+        return _of_threads(self.bend)[0]
+
+    @property
+    def bend_weft(self) -> float:
+        """Bending moment per width and curvature along the weft [N m]."""
+        return _of_threads(self.bend)[1]
+
+    @property
+    def bend_bias(self) -> float:
+        """Bending moment per width and curvature at 45 degrees to the threads [N m]: `bend_along` with half of each."""
+        return float(self.bend_along(0.5)) if isinstance(self.bend, tuple) else self.bend
+
+    def bend_along(self, weft_share: Any) -> Any:
+        """Bending moment per width and curvature [N m] along directions with these cos^2 of the angle to the weft.
+
+        B_weft c^4 + 2 sqrt(B_weft B_warp) c^2 s^2 + B_warp s^4: an orthotropic plate (Timoshenko and Woinowsky-Krieger
+        1959, Theory of Plates and Shells, eq. 213) whose stiffness against twist is the geometric mean of both threads,
+        as Huber took it (ibid., section 86); on the bias it is then a little above that mean, where woven fabrics lie.
+        """
+        warp, weft = _of_threads(self.bend)
+        return (sqrt(weft) * weft_share + sqrt(warp) * (1.0 - weft_share)) ** 2
+
+
+def _of_threads(value: PerThread) -> tuple[float, float]:
+    """A property along warp and weft."""
+    return value if isinstance(value, tuple) else (value, value)
+
+
+def _pair(name: str, given: Any) -> tuple[float, float]:
+    """A pair (warp, weft) as floats.
+
+    Raises:
+        ValueRangeError: it is no pair of numbers.
+    """
+    try:
+        warp, weft = (float(value + 0.0) for value in given)
+    except (TypeError, ValueError):
+        raise ValueRangeError(f"fabric {name} must be one number or a pair (warp, weft), not {given!r}") from None
+    return warp, weft
 
 
 # Densities, and stretch, shear and bend as averages over directions at small strain, from the measurements of

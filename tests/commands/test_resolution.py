@@ -126,7 +126,7 @@ def stretched_share() -> float:
     fabric = curtain(spacing=0.06).scene.cloth.fabric
     tension = fabric.density * G * 1.2 * np.linspace(0.0, 1.0, 2001)
     slope = np.gradient(first_mode(np.linspace(0.0, 1.0, 2001)))
-    return 0.5 * float(np.sum(tension**2 / fabric.stretch * slope**2) / np.sum(tension * slope**2))
+    return 0.5 * float(np.sum(tension**2 / fabric.stretch_warp * slope**2) / np.sum(tension * slope**2))
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -257,6 +258,32 @@ def test_the_stable_step_is_where_a_root_leaves_the_unit_circle(frequency: float
     assert stable_step(0.0, 0.0) == math.inf
 
 
+def odd(value: Any) -> Any:
+    """What a type checker would refuse."""
+    return value
+
+
+def test_a_property_of_the_threads_reads_back_as_it_was_given():
+    alike = Fabric(stretch=1500, bend=2e-5)
+    assert (alike.stretch, alike.stretch_warp, alike.stretch_weft, alike.bend) == (1500, 1500, 1500, 2e-5)
+    unlike = Fabric(stretch=odd([1500, 400]), bend=odd(np.array([4e-5, 1e-5])))
+    assert (unlike.stretch, unlike.bend) == ((1500.0, 400.0), (4e-5, 1e-5))
+    assert all(type(value) is float for value in (*odd(unlike.stretch), *odd(unlike.bend)))
+    assert (unlike.stretch_warp, unlike.stretch_weft, unlike.bend_warp, unlike.bend_weft) == (1500.0, 400.0, 4e-5, 1e-5)
+    assert unlike == Fabric(stretch=(1500.0, 400.0), bend=(4e-5, 1e-5))
+
+
+def test_bending_across_the_threads_is_that_of_an_orthotropic_plate():
+    fabric_ = Fabric(bend=(4e-5, 1e-5))
+    angle = np.linspace(0.0, np.pi, 13)
+    weft, warp = np.cos(angle), np.sin(angle)
+    # Curvature along the angle: both threads' own, and twist of cos sin, of the rigidity's geometric mean.
+    expected = 1e-5 * weft**4 + 4e-5 * warp**4 + 2.0 * 2e-5 * (weft * warp) ** 2
+    np.testing.assert_allclose(fabric_.bend_along(weft**2), expected, rtol=1e-12)
+    assert fabric_.bend_bias == pytest.approx((1e-5 + 4e-5 + 2 * 2e-5) / 4.0)
+    assert Fabric(bend=3e-5).bend_bias == 3e-5
+
+
 # -- what is refused --
 
 
@@ -288,6 +315,12 @@ REFUSED = {
     "stretch inf": (lambda: Fabric(stretch=math.inf), "fabric stretch must be positive and finite, not inf"),
     "bend < 0": (lambda: Fabric(bend=-1), "fabric bend must be zero or more and finite, not -1"),
     "damping NaN": (lambda: Fabric(damping_time=math.nan), "fabric damping_time must be zero or more and finite"),
+    "warp < 0": (lambda: Fabric(stretch=(-1, 2)), "fabric stretch must be positive and finite, not (-1.0, 2.0)"),
+    "weft NaN": (lambda: Fabric(bend=(0, math.nan)), "fabric bend must be zero or more and finite, not (0.0, nan)"),
+    "three threads": (lambda: Fabric(bend=odd((1, 2, 3))), "fabric bend must be one number or a pair (warp, weft)"),
+    "words": (lambda: Fabric(stretch=odd(("a", "b"))), "fabric stretch must be one number or a pair (warp, weft), not"),
+    "two shears": (lambda: Fabric(shear=odd((1, 2))), "fabric shear must be one number, not (1, 2)"),
+    "a word": (lambda: Fabric(density=odd("heavy")), "fabric density must be one number, not 'heavy'"),
     "fabric": (lambda: fabric("silk"), "no fabric named 'silk'; available: cape, denim"),
     "wind": (lambda: Wind(velocity=(1, 2, math.inf)), "wind velocity must be three finite numbers"),
     "air": (lambda: Wind(density=-1), "wind density must be zero or more and finite, not -1"),

@@ -166,7 +166,7 @@ def test_an_irregular_mesh_is_near_the_fabric(turn: float, worst_stretch: float,
     found = stiffness_of(mesh_springs(cloth), cloth.pattern) / areas(cloth.corners).sum()
     np.testing.assert_allclose(found[:2], fabric.stretch, rtol=worst_stretch)
     assert found[2] == pytest.approx(fabric.shear, rel=worst_shear)
-    np.testing.assert_allclose(found[3:], 0.0, atol=0.015 * fabric.stretch)
+    np.testing.assert_allclose(found[3:], 0.0, atol=0.015 * fabric.stretch_warp)
 
 
 def test_layers_multiply_and_a_lone_triangle_holds():
@@ -203,7 +203,7 @@ def test_a_split_grid_bends_along_its_threads_as_the_grid_does(angle: float):
     # The grid's end strips have half of their outer cells, those of the mesh theirs in whole triangles.
     assert energy == pytest.approx(bend_energy(grid_springs(grid), positions), rel=1e-3)
     cells = columns - 1 if angle == 0.0 else rows - 1
-    bent = cloth.fabric.bend / (2 * radius**2) * areas(cloth.corners).sum() * (cells - 1) / cells
+    bent = cloth.fabric.bend_warp / (2 * radius**2) * areas(cloth.corners).sum() * (cells - 1) / cells
     # Chords of h / radius: energy off by its square.
     assert energy == pytest.approx(bent, rel=1e-3)
 
@@ -221,14 +221,39 @@ def test_equilateral_triangles_bend_alike_in_all_directions(angle: float):
     cloth = Cloth.from_mesh(np.insert(flat, 2, 0.0, axis=1), np.concatenate([one, two]), pattern=flat)
     energy = bend_energy(mesh_springs(cloth), rolled(flat, np.radians(angle), radius))
     # The hinges at the border are missing: one in some 60 along each side, with its neighbours' lesser mean.
-    assert energy == pytest.approx(cloth.fabric.bend / (2 * radius**2) * areas(cloth.corners).sum(), rel=0.03)
+    assert energy == pytest.approx(cloth.fabric.bend_warp / (2 * radius**2) * areas(cloth.corners).sum(), rel=0.03)
 
 
 @pytest.mark.parametrize("angle", [0.0, 45.0, 90.0])
 def test_an_irregular_mesh_bends_within_the_stated_factor(angle: float):
     cloth = sheet(60, 60, flips=0.5, jitter=0.3)
     energy = bend_energy(mesh_springs(cloth), rolled(cloth.pattern, np.radians(angle), 50.0))
-    assert 0.9 < energy / (cloth.fabric.bend / (2 * 50.0**2) * areas(cloth.corners).sum()) < 1.7
+    assert 0.9 < energy / (cloth.fabric.bend_warp / (2 * 50.0**2) * areas(cloth.corners).sum()) < 1.7
+
+
+UNLIKE = Fabric(stretch=(2000.0, 400.0), shear=50.0, bend=(2e-5, 5e-6))
+
+
+@pytest.mark.parametrize("flips", [0.0, 0.5])
+def test_a_split_grid_has_the_springs_of_a_grid_of_unlike_threads(flips: float):
+    cloth = sheet(9, 14, flips=flips, fabric=UNLIKE)
+    found = stiffness_of(mesh_springs(cloth), cloth.pattern) / areas(cloth.corners).sum()
+    # As above.
+    np.testing.assert_allclose(found, [400.0, 2000.0, 50.0, 0.0, 0.0], atol=1e-3 * 2000.0)
+
+
+@pytest.mark.parametrize(
+    ("turn", "weft", "warp", "bend_weft", "bend_warp"),
+    [(0.0, 0.95, 0.99, 1.33, 0.82), (45.0, 0.89, 0.97, 2.5, 0.51)],
+)
+def test_an_irregular_mesh_mixes_unlike_threads_as_stated(turn, weft, warp, bend_weft, bend_warp):
+    cloth = sheet(60, 60, flips=0.5, jitter=0.3, turn=np.radians(turn), fabric=UNLIKE)
+    springs, area = mesh_springs(cloth), areas(cloth.corners).sum()
+    found = stiffness_of(springs, cloth.pattern)[:2] / area
+    np.testing.assert_allclose(found, [weft * 400.0, warp * 2000.0], rtol=0.01)
+    for angle, bend, share in ((0.0, UNLIKE.bend_weft, bend_weft), (90.0, UNLIKE.bend_warp, bend_warp)):
+        energy = bend_energy(springs, rolled(cloth.pattern, np.radians(angle), 50.0))
+        assert energy / (bend / (2 * 50.0**2) * area) == pytest.approx(share, rel=0.03)
 
 
 def test_ragged_rows_are_refused_by_name():

@@ -94,7 +94,7 @@ def run(given: Arrangement, solver: Solver | None = None) -> Outcome:
     """Simulate an arrangement and judge every frame."""
     unseen = UNSEEN if given.start == "contrary" else 0.0
     fabric, pattern = given.scene.cloth.fabric, given.scene.cloth.pattern
-    sound = np.sqrt(fabric.stretch / fabric.density)
+    sound = np.sqrt(max(fabric.stretch_warp, fabric.stretch_weft) / fabric.density)
     fall = np.sqrt(2.0 * 9.81 * np.linalg.norm(np.ptp(pattern, axis=0)))
     outcome = Outcome(given.number, given.start)
     simulation = Simulation(given.scene, solver=solver, threads=1)
