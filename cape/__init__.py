@@ -1,7 +1,9 @@
 """Cloth on moving bones: `Cloth`, `attach`, `Scene`, `simulate`, and `Simulation` for one's own loop."""
 
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
-from cape.cloth.fabric import FABRICS, Fabric, fabric
+from cape.cloth.fabric import Fabric
+from cape.cloth.fabrics import FABRICS, MEASUREMENTS, fabric
+from cape.cloth.measurement import Measurement
 from cape.measure.ledger import Balance, Ledger
 from cape.results.take import Take
 from cape.run.auto import Auto, AutoSimulation
@@ -22,6 +24,7 @@ from skeleton.shapes import Capsule
 
 __all__ = [
     "FABRICS",
+    "MEASUREMENTS",
     "SOLVERS",
     "TRBDF2",
     "XPBD",
@@ -42,6 +45,7 @@ __all__ = [
     "Fabric",
     "GridCloth",
     "Ledger",
+    "Measurement",
     "MeshCloth",
     "Plane",
     "Pose",

@@ -60,7 +60,7 @@ def replay(
     script: Script = None,
     output: Output = None,
     robot: Robot = None,
-    fabric: Annotated[str, typer.Option(help="Name of a fabric.")] = "cape",
+    fabric: Annotated[str, typer.Option(help="Name of a fabric (cape fabrics lists them).")] = "cape",
     spacing: Annotated[
         float | None, typer.Option(help="Mean distance of the cloth's vertices [m]; by default for 1,500 of them.")
     ] = None,
@@ -199,6 +199,14 @@ def clips() -> int:
     from cape.cli.commands.info import list_clips
 
     return list_clips()
+
+
+@app.command()
+def fabrics(json: Json = False) -> int:
+    """List the fabrics that a cape may be of: how each drapes, weight, stiffness (warp / weft), and who measured it."""
+    from cape.cli.commands.fabrics import run
+
+    return run(json=json)
 
 
 @app.command()

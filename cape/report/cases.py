@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
-from cape.cloth.fabric import FABRICS, Fabric
+from cape.cloth.fabric import Fabric
 from cape.scene.attachments import attach
 from cape.scene.colliders import Box, Collider, Plane, Sphere
 from cape.scene.jumps import Cuts
@@ -204,10 +204,15 @@ def _draped() -> StandardScene:
     return StandardScene("", Scene(sheet, [], [plate], wind=Wind()), track_of(times, ground=np.zeros((len(times), 3))))
 
 
+# Denim by its weight, but several times as stiff in bending. It stays as it is: figures of two versions compare on one
+# cloth alone.
+STIFF_STRIP = Fabric(density=0.324, stretch=640.0, shear=69.0, bend=7e-5)
+
+
 def _cantilever() -> StandardScene:
-    """A strip of denim, 5 x 20 cm, held level by its first two rows, as the standard test of stiffness begins."""
+    """A strip of stiff cloth, 5 x 20 cm, held level by its first two rows, as the standard test of stiffness begins."""
     strip = Cloth.rectangle(
-        width=0.05, height=0.2, spacing=0.01, origin=(0.0, 0.025, 1.5), down=(1, 0, 0), fabric=FABRICS["denim"]
+        width=0.05, height=0.2, spacing=0.01, origin=(0.0, 0.025, 1.5), down=(1, 0, 0), fabric=STIFF_STRIP
     )
     held = attach(strip, "rod", np.flatnonzero(strip.pattern[:, 1] < 0.015))
     times = frame_times(2.0)
@@ -288,7 +293,7 @@ _CASES = (
     Case("dropped", "on edge, to fold up on the ground", _on_the_floor),
     Case("resting", "on a ball for a minute", _rested),
     Case("draped", "over a plate with sharp edges", _draped),
-    Case("cantilever", "of denim, held level by one end", _cantilever),
+    Case("cantilever", "of stiff cloth, held level by one end", _cantilever),
     Case("crowded", "falls among a thousand balls", _crowded),
 )
 

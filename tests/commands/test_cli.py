@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import motions
+from cape import FABRICS
 from tests.support.command import CAPE, Done, Forks, cape
 
 
@@ -256,6 +257,30 @@ def test_clips_and_info_tell_what_there_is(once):
     told = once("info", "idle").stdout
     for word in ("60 fps", "left_shoulder: LeftShoulder", "unit: cm", "1.75 m", "no jump"):
         assert word in told
+
+
+def test_fabrics_are_listed_with_how_they_drape_and_who_measured_them(once):
+    told = unfolded(once("fabrics").stdout)
+    assert all(name in told for name in FABRICS)
+    assert (
+        "denim denim of 11 oz: falls in some five folds, bending length 1.7 / 2.0 cm; 324 g/m2, "
+        "stretch 2027 / 410 N/m, shear 53.4 N/m, bend 15.5 / 26.5 µN m; Wang, O'Brien and Ramamoorthi 2011" in told
+    )
+    assert "stretch, shear not measured" in told
+    facts = once.facts("fabrics")
+    assert set(facts) == set(FABRICS)
+    assert facts["cape"]["measured"] is None
+    denim = facts["denim"]
+    assert denim["stretch_N_m"] == [FABRICS["denim"].stretch_warp, FABRICS["denim"].stretch_weft]
+    assert denim["bend_N_m"] == [FABRICS["denim"].bend_warp, FABRICS["denim"].bend_weft]
+    assert "Data-Driven Elastic Models for Cloth" in denim["measured"]["source"]
+    assert denim["measured"]["figures"]["density"] == "0.324 kg/m2"
+
+
+@pytest.mark.parametrize("name", ["chiffon-weight", "jersey", "leather-weight"])
+def test_a_cape_may_be_of_any_fabric(once, name):
+    facts = once.facts("replay", "walk", "--end", "0.1", "-o", "out.rrd", "--spacing", "0.06", "--fabric", name)
+    assert facts["result"] == "finished"
 
 
 def test_an_interrupted_run_leaves_a_whole_recording_or_none(tmp_path):

@@ -118,7 +118,7 @@ def test_a_period_is_read_from_zero_crossings():
 
 
 def stretched_share() -> float:
-    """By how much of itself threads that stretch lengthen the period of a hanging sheet of twill.
+    """By how much of itself threads that stretch lengthen the period of a hanging sheet.
 
     To first order in the tension T = rho g s over Y: w^2 falls by the integral of T^2 / Y x'^2 over that of T x'^2
     (Rayleigh's principle), with the slope x' of the chain's own shape.

@@ -321,7 +321,7 @@ REFUSED = {
     "words": (lambda: Fabric(stretch=odd(("a", "b"))), "fabric stretch must be one number or a pair (warp, weft), not"),
     "two shears": (lambda: Fabric(shear=odd((1, 2))), "fabric shear must be one number, not (1, 2)"),
     "a word": (lambda: Fabric(density=odd("heavy")), "fabric density must be one number, not 'heavy'"),
-    "fabric": (lambda: fabric("silk"), "no fabric named 'silk'; available: cape, denim"),
+    "fabric": (lambda: fabric("silk"), "no fabric named 'silk'; available: broadcloth, cape, chiffon-weight, denim"),
     "wind": (lambda: Wind(velocity=(1, 2, math.inf)), "wind velocity must be three finite numbers"),
     "air": (lambda: Wind(density=-1), "wind density must be zero or more and finite, not -1"),
     "doubly attached": (

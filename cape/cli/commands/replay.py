@@ -14,7 +14,7 @@ from cape.cli.reading import Reading
 from cape.cli.retargeting import retarget_facts, retarget_rows
 from cape.cli.rows import print_rows
 from cape.cli.running import simulated
-from cape.cloth.fabric import fabric
+from cape.cloth.fabrics import fabric
 from cape.record import LAYERS
 from cape.record.layers import check_layers
 from cape.results.take import Take
