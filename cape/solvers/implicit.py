@@ -69,6 +69,9 @@ from motions.errors import ValueRangeError
 
 SUBSTEPS = 8  # per frame at 60 Hz, where none are asked for
 PRESSED = 0.1  # of the thickness
+FORCING = 0.1  # where none is asked for
+AT_START = 1e-3  # forcing, for the accelerations with which a frame begins
+ROUNDED = 4.0  # times a coordinate's last digit
 INNER = np.float32  # precision of the linear systems, whose solutions the next Newton step corrects
 Array = NDArray[np.floating]
 
@@ -107,8 +110,16 @@ class ImplicitSolver(Solver):
         tolerance: a stage is solved when no vertex is corrected by more than this [m], nor one that is pressed onto a
             collider by more than 1e-4 m/s; what is left is far less, as Newton's method converges faster than linearly.
             In steps shorter than the usual ones it shrinks as their square, so that what is left is the same force.
+            None for `left_free` or `left_touching`.
+        left_free: what may be left to correct in a usual step [m] of cloth that can touch nothing. A method of order p
+            makes errors of h^(p+1) in the velocities of a step of h, and a vertex that is off by this has a velocity
+            off by this over b: it shrinks as h^(p+2), so that the order stays. What is left is foreseen from the rate
+            at which Newton steps shrink (Hairer and Wanner 1996, section IV.8).
+        left_touching: the tolerance of cloth that may touch something, whose impacts leave no order to keep.
+        forcing_free: the forcing of cloth that can touch nothing.
         iterations: Newton steps at most in a stage.
-        forcing: residual of a linear system, relative to its right hand side, at which it is solved well enough.
+        forcing: residual of a linear system, relative to its right hand side, at which it is solved well enough; None
+            for 0.1, or `forcing_free`.
         linear_iterations: of the conjugate gradients, at most in a Newton step.
     """
 
@@ -116,9 +127,12 @@ class ImplicitSolver(Solver):
     measured_steps: ClassVar[tuple[int, ...]] = (1, 2, 4, 8, 16, 32, 64)
     cost_growth: ClassVar[float] = 0.5
     stage: ClassVar[float]
-    tolerance: float = 1e-6
+    left_free: ClassVar[float]
+    left_touching: ClassVar[float]
+    forcing_free: ClassVar[float]
+    tolerance: float | None = None
     iterations: int = 40
-    forcing: float = 0.1
+    forcing: float | None = None
     linear_iterations: int = 500
 
     def __post_init__(self) -> None:
@@ -128,9 +142,9 @@ class ImplicitSolver(Solver):
             ValueRangeError: a setting is out of range.
         """
         super().__post_init__()
-        if not 0.0 < self.tolerance < math.inf:
+        if self.tolerance is not None and not 0.0 < self.tolerance < math.inf:
             raise ValueRangeError(f"tolerance must be positive and finite, not {self.tolerance}")
-        if not 0.0 < self.forcing < 1.0:
+        if self.forcing is not None and not 0.0 < self.forcing < 1.0:
             raise ValueRangeError(f"forcing must be above 0 and below 1, not {self.forcing}")
         for name in ("iterations", "linear_iterations"):
             if getattr(self, name) < 1:
@@ -199,9 +213,9 @@ class ImplicitSolver(Solver):
         )  # fmt: skip
 
     def _problem(
-        self, thread: Thread, linker: Linker, contact: PenaltyContact | None, *, forcing: float | None = None
+        self, thread: Thread, linker: Linker, contact: PenaltyContact | None, *, start: bool = False
     ) -> Problem:
-        """The equations of a stage with some contact, or none; `forcing` other than the solver's own for one step."""
+        """The equations of a stage with some contact, or none; or of the accelerations at the `start` of a frame."""
         running = thread.running
         arrays: ImplicitArrays = running.arrays
         residual = forces(thread, list(arrays.forces), arrays.work.forces, arrays.room[thread.rank])
@@ -211,14 +225,12 @@ class ImplicitSolver(Solver):
         if pressure is not None:
             residual.append(Use(add_pressure, PressedForces(pressure, arrays.inertia.mass, arrays.work.forces)))
         linearise, product = self._matrix(thread, contact)
-        usual = self.stage / (60.0 * SUBSTEPS)
-        chosen = self.forcing if forcing is None else forcing
         system = System(
             state=running.state,
             inertia=arrays.inertia,
             matrix=arrays.matrix,
             work=arrays.work,
-            settings=Settings(self.tolerance, usual, self.iterations, chosen, self.linear_iterations),
+            settings=self._settings(thread, start=start),
             counts=arrays.counts[thread.rank],
             slope=np.zeros(1),
             residual=linker.program(residual),
@@ -230,6 +242,25 @@ class ImplicitSolver(Solver):
             evaluate=linker.program([Use(evaluate, system)]),
             aim=linker.program([Use(aim_newton_step, system)]),
             pressing=np.zeros((3, 0), arrays.work.forces.dtype) if contact is None else contact.penalty.force,
+        )
+
+    def _settings(self, thread: Thread, *, start: bool) -> Settings:
+        """What stages are solved to, or the accelerations at the `start` of a frame."""
+        contacts, dtype = thread.contacts, thread.running.state.x.dtype
+        free = contacts.colliders is None and contacts.layers is None
+        follows = free and self.tolerance is None
+        usual = self.left_free if free else self.left_touching
+        forcing = self.forcing or (self.forcing_free if free else FORCING)
+        return Settings(
+            tolerance=usual if self.tolerance is None else self.tolerance,
+            power=int(self.order) + 2 if follows else 2,
+            foreseen=follows,
+            usual=self.stage / (60.0 * SUBSTEPS),
+            digits=ROUNDED * float(np.finfo(dtype).eps),
+            iterations=self.iterations,
+            forcing=min(forcing, AT_START) if start else forcing,
+            forcing_power=2 if start else 0,
+            linear_iterations=self.linear_iterations,
         )
 
     def _matrix(self, thread: Thread, contact: PenaltyContact | None) -> tuple[list[Use], list[Use]]:
@@ -286,6 +317,9 @@ class BackwardEuler(ImplicitSolver):
     colour: ClassVar[str] = "#6a994e"
     order: ClassVar[float] = 1.0
     stage: ClassVar[float] = 1.0
+    left_free: ClassVar[float] = 3e-7
+    left_touching: ClassVar[float] = 1e-6
+    forcing_free: ClassVar[float] = FORCING
 
     def _step(self, thread: Thread, linker: Linker, contact: PenaltyContact | None) -> list[Use]:
         """One stage, from the step's start to its end."""
@@ -303,9 +337,8 @@ class BackwardEuler(ImplicitSolver):
 class TRBDF2(ImplicitSolver):
     """TR-BDF2: second order and L-stable, of two stages a step (Bank et al. 1985; Hosea and Shampine 1996).
 
-    Attributes:
-        tolerance: smaller than backward Euler's, since the method damps little: what a stage leaves unbalanced becomes
-            motion, at 1e8 N/m and 1e-6 m some per cent of a swing's energy.
+    Linear systems of free cloth are solved so well that two Newton steps are enough for most stages. What a stage
+    leaves unbalanced becomes motion, as the method damps little: 1e-6 m at 1e8 N/m is some per cent of a swing.
     """
 
     name: ClassVar[str] = "tr_bdf2"
@@ -313,13 +346,15 @@ class TRBDF2(ImplicitSolver):
     colour: ClassVar[str] = "#8e6bbf"
     order: ClassVar[float] = 2.0
     stage: ClassVar[float] = 0.5 * GAMMA
-    tolerance: float = 1e-7
+    left_free: ClassVar[float] = 3e-9
+    left_touching: ClassVar[float] = 1e-7
+    forcing_free: ClassVar[float] = 0.01
 
     def _step(self, thread: Thread, linker: Linker, contact: PenaltyContact | None) -> list[Use]:
         """A stage of the trapezoidal rule, one of the backward differentiation formula."""
         problem, work = self._problem(thread, linker, contact), thread.running.arrays.work
         solve, pressure = Use(solve_stage, Stage(problem, self.stage)), thread.contacts.pressure
-        start = self._problem(thread, linker, None, forcing=self.forcing**3)
+        start = self._problem(thread, linker, None, start=True)
         uses = [*self._place(thread, 0.0), Use(find_acceleration, Stage(start, self.stage))]
         balancing = None
         if contact is not None:

@@ -4,19 +4,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
 from cape.kernels.implicit.implicit import GAMMA
-from cape.run.simulation import Simulation
 from cape.scene.attachments import Attachment
 from cape.scene.colliders import Plane, Sphere
-from cape.scene.poses import poses_of
 from cape.scene.scene import Scene
-from cape.scene.standard_scenes import swing
 from cape.scene.wind import Wind
-from cape.solvers import TRBDF2, BackwardEuler, Solver, SymplecticEuler
+from cape.solvers import TRBDF2, BackwardEuler, SymplecticEuler
 from motions.errors import ValueRangeError
 from tests.support.scenes import Run, grid_cloth, turn_about
 
@@ -217,20 +213,3 @@ def test_same_bits_again_and_on_two_threads(kind, name: str):
 def test_settings_out_of_range_are_refused(kind, setting: dict):
     with pytest.raises(ValueRangeError, match=next(iter(setting))):
         kind(**setting)
-
-
-def test_errors_of_tr_bdf2_go_on_falling_as_steps_get_short():
-    given = swing(spacing=0.1, seconds=1.0)
-    poses = poses_of(given.track, given.scene.bones)
-
-    def run(solver: Solver) -> NDArray[np.float64]:
-        simulation = Simulation(given.scene, solver=solver)
-        simulation.start(poses[0])
-        for pose in poses[1:]:
-            simulation.step(pose, 1 / 60)
-        return simulation.positions
-
-    exact = run(SymplecticEuler(precision="double", substeps=1000))
-    errors = [np.linalg.norm(run(TRBDF2(substeps=count)) - exact, axis=1).max() for count in (16, 64)]
-    # As for a method of first order at least; of the second there is what Newton's method leaves, too.
-    assert errors[1] < errors[0] / 4.0

@@ -32,6 +32,7 @@ from cape.kernels.implicit.stages import (
     begin_trapezoid,
     follow,
     longest,
+    longest_share,
     move,
     note_acceleration,
     place_at,
@@ -71,12 +72,20 @@ class Work(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """See `ImplicitSolver`; the tolerance is for steps that are solved with a b of `usual` [s] or more."""
+    """See `ImplicitSolver`; the tolerance is for steps that are solved with a b of `usual` [s] or more.
+
+    In shorter ones it shrinks as their `power`, and the forcing as its own. Where `foreseen`, the tolerance is for what
+    a Newton step leaves, not for the step. `digits` is the share of a coordinate below which steps are rounding.
+    """
 
     tolerance: float
+    power: int
+    foreseen: bool
     usual: float
+    digits: float
     iterations: int
     forcing: float
+    forcing_power: int
     linear_iterations: int
 
 
@@ -174,7 +183,8 @@ def evaluate(g, team, substep, substeps, b):
 def aim_newton_step(g, team, substep, substeps, b):
     """Linearise at the state and solve for a Newton step."""
     run(g.linearise, team, 0, 1, b)
-    iterations, slope = solve_linear(g, b, g.settings.forcing, team)
+    forcing = g.settings.forcing * min(1.0, b / g.settings.usual) ** g.settings.forcing_power
+    iterations, slope = solve_linear(g, b, forcing, team)
     g.counts[LINEAR] += iterations
     g.slope[0] = slope
 
@@ -205,9 +215,8 @@ def solve_stage(g, team, substep, substeps, step):
     problem, b, lo, hi = g.problem, g.share * step, team.lo, team.hi
     system = problem.system
     s, work, counts = system.state, system.work, system.counts
-    # What is left to correct acts on a vertex like a force, of its mass times that over b squared.
-    shorter = min(1.0, b / system.settings.usual)
-    tolerance = system.settings.tolerance * shorter * shorter
+    tolerance = system.settings.tolerance * min(1.0, b / system.settings.usual) ** system.settings.power
+    before = 0.0
     run(problem.evaluate, team, substep, 1, b)
     for _ in range(system.settings.iterations):
         run(problem.aim, team, substep, 1, b)
@@ -226,22 +235,40 @@ def solve_stage(g, team, substep, substeps, step):
             here = slope_here(lo, hi, system, team)
             if here >= -SLOPE * slope:
                 break
-        left = share * largest_correction(lo, hi, system.matrix, tolerance, problem.pressing, b)
+        ahead = share_ahead(slope, before) if system.settings.foreseen and share == 1.0 else 1.0
+        left = share * largest_correction(lo, hi, system, tolerance, ahead, problem.pressing, b)
         if largest_of_all(lo, hi, left, work.largest, team) < 1.0:
             return
+        before = slope
     counts[UNSOLVED] += 1
 
 
 @routine
-def largest_correction(lo, hi, matrix, tolerance, f, b):
+def share_ahead(slope, before):
+    """What Newton steps to come will add up to, as a share of the last one, at most 1.
+
+    Steps that shrink by the factor theta each add up to theta / (1 - theta) of it (Hairer and Wanner 1996, "Solving
+    Ordinary Differential Equations II", eq. IV.8.10). Their lengths are taken in the norm of A, whose square along a
+    step d with A d = r is the `slope` r . d; `before` is that of the step before, 0 if there was none.
+    """
+    if not 0.0 < slope < 0.25 * before:
+        return 1.0
+    theta = math.sqrt(slope / before)
+    return theta / (1.0 - theta)
+
+
+@routine
+def largest_correction(lo, hi, system, tolerance, ahead, f, b):
     """Largest of the Newton steps of the vertices lo to hi, as a share of what may be left.
 
-    That is the `tolerance` [m], and where contact presses, with forces `f` (3, N) or of no vertices at all, at most
-    what changes a velocity by little as against `SLIP`, on which friction depends; the linear systems are not solved
-    much better for such a vertex than its pressure is.
+    That is the `tolerance` [m] over `ahead`, or what positions are rounded by if that is more, and where contact
+    presses, with forces `f` (3, N) or of no vertices at all, at most what changes a velocity by little as against
+    `SLIP`, on which friction depends; the linear systems are not solved much better for such a vertex than its pressure
+    is.
     """
-    d, front = matrix.vectors[0], matrix.front
-    largest = longest(d, front + lo, front + hi) / tolerance
+    s, d, front = system.state, system.matrix.vectors[0], system.matrix.front
+    digits = system.settings.digits
+    largest = longest_share(d, front + lo, tolerance / ahead, digits, s.x[lo:hi], s.y[lo:hi], s.z[lo:hi])
     least = min(tolerance, EXACT * SLIP * b)
     if f.shape[1] > 0:
         for i in range(lo, hi):

@@ -140,3 +140,19 @@ def longest(d, lo, hi):
             return math.nan
         squared = max(squared, value)
     return math.sqrt(squared)
+
+
+@routine
+def longest_share(d, front, tolerance, digits, x, y, z):
+    """Largest length of the vectors from `front` on, one for each vertex, as a share of what each may be.
+
+    That is the tolerance [m], or the share `digits` of the vertex's distance from the origin. A NaN is larger than all.
+    """
+    squared, least, per_squared_metre = 0.0, tolerance * tolerance, digits * digits
+    for i in range(x.size):
+        k = front + i
+        length = d[0, k] * d[0, k] + d[1, k] * d[1, k] + d[2, k] * d[2, k]
+        if math.isnan(length):
+            return math.nan
+        squared = max(squared, length / max(least, per_squared_metre * (x[i] * x[i] + y[i] * y[i] + z[i] * z[i])))
+    return math.sqrt(squared)
