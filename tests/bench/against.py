@@ -107,6 +107,7 @@ def start(checkout: Path, case: Case) -> "subprocess.Popen[str]":
     return subprocess.Popen(
         [sys.executable, "-c", WORKER, json.dumps(case[1:])],
         env={**os.environ, "PYTHONPATH": str(checkout)},
+        cwd=checkout,  # which Python looks into before that path
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
