@@ -5,7 +5,6 @@ and Müller-Fischer 2012, "Long Range Attachments", hold it back by). So all tha
 reach lies in a ball around it, and a collider that no ball comes near in any frame never meets the cloth.
 """
 
-import heapq
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -14,8 +13,7 @@ from numpy.typing import NDArray
 
 from cape.assembly import putting_on
 from cape.assembly.assemble import assemble
-from cape.assembly.springs import springs_of
-from cape.cloth.cloth import Cloth
+from cape.assembly.chains import geodesic_distances
 from cape.scene.jumps import Cuts, rigid_motion
 from cape.scene.poses import Pose, read_pose
 from cape.scene.scene import Scene
@@ -99,35 +97,6 @@ def reach_of(scene: Scene, track: BoneTrack, *, stretch: float = STRETCH) -> Rea
         frames[name] = max(int(beyond.argmin()) - held.before, 0)
         gaps[name] = float(beyond.min())
     return Reach(float(radii.max(initial=0.0)), stretch, gaps, frames)
-
-
-def geodesic_distances(cloth: Cloth, sources: IntArray) -> tuple[FloatArray, IntArray]:
-    """Distance of each vertex from the nearest of the sources along the springs at rest, after Dijkstra (1959).
-
-    Args:
-        cloth: the cloth.
-        sources: vertices (n,).
-
-    Returns:
-        The distances [m], infinite where no spring leads, shape (V,), and the places of the nearest sources in
-        `sources`, -1 for none, shape (V,).
-    """
-    springs = springs_of(cloth)
-    neighbours: list[list[tuple[float, int]]] = [[] for _ in range(cloth.vertices)]
-    for i, j, length in zip(springs.first.tolist(), springs.second.tolist(), springs.rest.tolist(), strict=True):
-        neighbours[i].append((length, j))
-        neighbours[j].append((length, i))
-    distances, nearest = np.full(cloth.vertices, np.inf), np.full(cloth.vertices, -1)
-    heap = [(0.0, vertex, k) for k, vertex in enumerate(sources.tolist())]
-    while heap:
-        distance, vertex, source = heapq.heappop(heap)
-        if nearest[vertex] >= 0:
-            continue
-        distances[vertex], nearest[vertex] = distance, source
-        for length, other in neighbours[vertex]:
-            if nearest[other] < 0:
-                heapq.heappush(heap, (distance + length, other, source))
-    return distances, nearest
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cape.assembly.assemble import Assembly
-from cape.assembly.springs import springs_of
-from cape.reach import geodesic_distances
+from cape.assembly.chains import Chain, chain_of
 from cape.run.simulation import DEFAULT_CUTS, Simulation, Snapshot
 from cape.run.step_error import FREE_WINDOW, TOUCHED_WINDOW, StepError, Watch, window_of
 from cape.scene.jumps import Cuts
@@ -176,7 +174,7 @@ class AutoSimulation(Simulation):
         self._stable = FRAME / tried.forecast(FRAME).substeps
         if self.asked.budget is None:
             wanted = START * (self.asked.tolerance or TOLERANCE)
-            self._step = min(hanging_step(self.scene, tried.assembly, wanted), FRAME / FEWEST)
+            self._step = min(hanging_step(chain_of(tried.assembly), wanted), FRAME / FEWEST)
             self.solver = euler if self._euler_is_faster else XPBD(substeps=self._count(FRAME))
             return
         room = FILLED * self.asked.budget
@@ -253,22 +251,10 @@ class AutoSimulation(Simulation):
             self._make_finer(1.0 / share)
 
 
-def hanging_step(scene: Scene, assembly: Assembly, error: float) -> float:
+def hanging_step(chain: Chain, error: float) -> float:
     """The step [s] of XPBD at which hanging cloth is likely to have an error [m], root mean square over its vertices.
 
-    In a step of h gravity gives each vertex a velocity of g h, and one sweep over a chain of N springs takes back what
-    an impulse C / (h (w + w')) does, for a length C too much of a spring between vertices of inverse masses w and w'.
-    The spring above n vertices of mass m must bear n m g h, so that it is too long by C = 2 n g h^2: a chain sags by
-    g h^2 N^2 too much at its end. On the scenes `swing` and `stiff` errors are `SAG` of that, and `LAG` times the step.
+    On the scenes `swing` and `stiff` errors are `SAG` of the chain's sag, and `LAG` times the step.
     """
-    gravity = float(np.linalg.norm(scene.gravity))
-    springs = springs_of(scene.cloth)
-    held = np.flatnonzero(assembly.outwards(assembly.inverse_mass) == 0.0)
-    spacing = float(np.median(springs.rest))
-    if len(held):
-        distances, _ = geodesic_distances(scene.cloth, held)
-        length = float(distances[np.isfinite(distances)].max())
-    else:
-        length = 0.5 * spacing * math.sqrt(scene.cloth.vertices)
-    sag = SAG * gravity * max(length / spacing, 1.0) ** 2
+    sag = SAG * chain.sag
     return 2.0 * error / (LAG + math.sqrt(LAG**2 + 4.0 * sag * error))

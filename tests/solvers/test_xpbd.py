@@ -140,3 +140,30 @@ def test_any_stiffness_is_finite_and_gains_no_energy(layout: str, stretch: float
         assert now <= last + 1e-5 * start + rounding
         last = now
     assert last < start
+
+
+@pytest.mark.parametrize(("layout", "spacing"), [("grid", 0.03), ("grid", 0.015), ("mesh", 0.015), ("grid", 0.005)])
+def test_at_its_default_a_sheet_hangs_as_long_as_it_is_at_any_spacing(layout: str, spacing: float):
+    length = 1.2
+    cloth = Cloth.rectangle(width=2 * spacing, height=length, spacing=spacing)
+    if layout == "mesh":
+        cloth = Cloth.from_mesh(cloth.positions, cloth.triangles, fabric=cloth.fabric)
+    top = np.flatnonzero(cloth.positions[:, 2] == cloth.positions[:, 2].max())
+    run = Run(Scene(cloth, [attach(cloth, "rod", top)]), XPBD())
+    run.settle(240, run.solver.choose_substeps(run.running, 1 / 60), damping=0.93)
+    # Tension grows evenly from nothing at the hem to the sheet's weight.
+    right = length + cloth.fabric.density * 9.81 * length**2 / (2 * cloth.fabric.stretch)
+    assert cloth.positions[:, 2].max() - run.positions[:, 2].min() == pytest.approx(right, rel=0.003)
+
+
+def test_a_default_follows_the_spacing_and_what_is_given_stays():
+    def chosen(solver: XPBD, spacing: float, **scene) -> int:
+        cloth = Cloth.rectangle(width=0.1, height=1.2, spacing=spacing)
+        run = Run(Scene(cloth, [attach(cloth, "rod", "top")], **scene), solver)
+        return run.solver.choose_substeps(run.running, 1 / 60)
+
+    coarse, middle, fine = (chosen(XPBD(), spacing) for spacing in (0.03, 0.01, 0.005))
+    assert coarse == 40
+    assert fine == pytest.approx(2 * middle, abs=1)  # the sag of a chain grows as the square of its springs
+    assert chosen(XPBD(substeps=7), 0.005) == 7
+    assert chosen(XPBD(), 0.005, gravity=(0.0, 0.0, 0.0)) == 40

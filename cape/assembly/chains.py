@@ -1,0 +1,84 @@
+"""Chains of springs: how far along them vertices are from each other, and how many carry a cloth's weight."""
+
+import heapq
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.assemble import Assembly
+from cape.assembly.springs import springs_of
+from cape.cloth.cloth import Cloth
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The longest chain of springs between what holds a cloth and its farthest vertex.
+
+    Attributes:
+        length: [m].
+        springs: their number N, not less than 1.
+        gravity: [m/s2].
+    """
+
+    length: float
+    springs: float
+    gravity: float
+
+    @property
+    def sag(self) -> float:
+        """What one sweep a step leaves a hanging chain too long by, over the square of the step [m/s2]: g N^2.
+
+        In a step of h gravity gives each vertex a velocity of g h, and one sweep over a chain of N springs takes back
+        what an impulse C / (h (w + w')) does, for a length C too much of a spring between vertices of inverse masses w
+        and w'. The spring above n vertices of mass m must bear n m g h, so that it is too long by C = 2 n g h^2: in sum
+        by g h^2 N^2, less what springs swept one after the other pass on, about half of it.
+        """
+        return self.gravity * self.springs**2
+
+
+def geodesic_distances(cloth: Cloth, sources: IntArray) -> tuple[FloatArray, IntArray]:
+    """Distance of each vertex from the nearest of the sources along the springs at rest, after Dijkstra (1959).
+
+    Args:
+        cloth: the cloth.
+        sources: vertices (n,).
+
+    Returns:
+        The distances [m], infinite where no spring leads, shape (V,), and the places of the nearest sources in
+        `sources`, -1 for none, shape (V,).
+    """
+    springs = springs_of(cloth)
+    neighbours: list[list[tuple[float, int]]] = [[] for _ in range(cloth.vertices)]
+    for i, j, length in zip(springs.first.tolist(), springs.second.tolist(), springs.rest.tolist(), strict=True):
+        neighbours[i].append((length, j))
+        neighbours[j].append((length, i))
+    distances, nearest = np.full(cloth.vertices, np.inf), np.full(cloth.vertices, -1)
+    heap = [(0.0, vertex, k) for k, vertex in enumerate(sources.tolist())]
+    while heap:
+        distance, vertex, source = heapq.heappop(heap)
+        if nearest[vertex] >= 0:
+            continue
+        distances[vertex], nearest[vertex] = distance, source
+        for length, other in neighbours[vertex]:
+            if nearest[other] < 0:
+                heapq.heappush(heap, (distance + length, other, source))
+    return distances, nearest
+
+
+def chain_of(assembly: Assembly) -> Chain:
+    """Find the longest chain of a cloth; of one that nothing holds, half its side."""
+    springs, cloth = assembly.springs, assembly.cloth
+    held = np.flatnonzero(~assembly.free)
+    spacing = float(np.median(springs.rest[springs.measured]))
+    if len(held):
+        distances, _ = geodesic_distances(cloth, held)
+        length = float(distances[np.isfinite(distances)].max())
+    else:
+        length = 0.5 * spacing * math.sqrt(cloth.vertices)
+    gravity = float(np.linalg.norm(assembly.scene.gravity))
+    return Chain(length, max(length / spacing, 1.0), gravity)
