@@ -12,7 +12,16 @@ for each cell, the two edges that share a cell side taking half each (from equat
 strain; the diagonals carry the G terms). Bend springs draw a vertex to the midpoint of its neighbours, with energy
 1/2 k |p0 - 2 p1 + p2|^2; equal to B/2 times curvature squared for k = B_weft b / a^3 across and B_warp a / b^3 down. A
 distance spring over two cells, the usual choice, has an energy of fourth order in the curvature: no bending rigidity.
+
+Twist is resisted cell by cell, with energy 1/2 k |p00 - p10 - p01 + p11|^2 and k = 2 H / (a b), where H is the root of
+B_weft B_warp, as in orthotropic plates (Timoshenko and Woinowsky-Krieger 1959, article 86). The energy per area of
+curvatures k11, k22 and k12 is then 1/2 (B_weft k11^2 + B_warp k22^2 + 2 H k12^2), that of a plate without Poisson's
+effect (the same, eq. 117), whose rigidity against bending at the angle t to the weft, B_weft cos^4 t +
+2 H cos^2 t sin^2 t + B_warp sin^4 t, is the same in all directions where both threads bend alike; of second differences
+alone it is half of that at 45 degrees.
 """
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +30,7 @@ from cape.assembly.springs import Families, Springs
 from cape.cloth.cloth import GridCloth
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 # A thread keeps at least this share of its stiffness where long cells would give all of it to the diagonals.
 LEAST_SHARE = 0.1
@@ -53,9 +63,10 @@ def grid_springs(cloth: GridCloth) -> Springs:
     height[1:] += layers * b / 2.0
     width[:, :-1] += layers * a / 2.0
     width[:, 1:] += layers * a / 2.0
-    bend_right, bend_down = np.zeros((rows, columns)), np.zeros((rows, columns))
+    bend_right, bend_down, twist = np.zeros((3, rows, columns))
     bend_right[:, :-2] = fabric.bend_weft * _middle(height, 1) / _middle(across, 1) ** 3
     bend_down[:-2] = fabric.bend_warp * _middle(width, 0) / _middle(along, 0) ** 3
+    twist[:-1, :-1] = 2.0 * layers * math.sqrt(fabric.bend_weft * fabric.bend_warp) / (a * b)
 
     offsets = np.array([1, columns, columns + 1, columns - 1])
     rest = np.ones((4, rows * columns))
@@ -68,19 +79,39 @@ def grid_springs(cloth: GridCloth) -> Springs:
         rest=rest,
         bend_offsets=np.array([1, columns]),
         bend_stiffness=np.stack([bend_right, bend_down]).reshape(2, -1),
+        twist_stiffness=twist.ravel(),
     )
     family, first = np.nonzero(families.stiffness)
-    bend_family, start = np.nonzero(families.bend_stiffness)
+    bends = _bends(families, columns)
     return Springs(
         first=first,
         second=first + offsets[family],
         stiffness=families.stiffness[family, first],
         rest=rest[family, first],
         measured=family < 2,
-        bend_vertices=start[:, None] + families.bend_offsets[bend_family, None] * np.arange(3),
-        bend_coefficients=np.tile([1.0, -2.0, 1.0], (len(start), 1)),
-        bend_stiffness=families.bend_stiffness[bend_family, start],
+        bend_vertices=bends[0],
+        bend_coefficients=bends[1],
+        bend_stiffness=bends[2],
         families=families,
+    )
+
+
+def _bends(families: Families, columns: int) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Vertices (K, 4), coefficients (K, 4) and stiffness (K,) of bend springs across and down, and of twist.
+
+    A bend spring has three vertices; its last one comes twice, with the coefficient 0.
+    """
+    families_of_bends, starts = np.nonzero(families.bend_stiffness)
+    cells = np.flatnonzero(families.twist_stiffness)
+    return (
+        np.concatenate(
+            [
+                starts[:, None] + families.bend_offsets[families_of_bends, None] * np.array([0, 1, 2, 2]),
+                cells[:, None] + np.array([0, 1, columns, columns + 1]),
+            ]
+        ),
+        np.repeat([[1.0, -2.0, 1.0, 0.0], [1.0, -1.0, -1.0, 1.0]], [len(starts), len(cells)], axis=0),
+        np.concatenate([families.bend_stiffness[families_of_bends, starts], families.twist_stiffness[cells]]),
     )
 
 

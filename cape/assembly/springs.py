@@ -21,6 +21,7 @@ class Families:
         rest: rest length [m], shape (4, N).
         bend_offsets: from the first end to the middle of the bend springs across and down, shape (2,).
         bend_stiffness: [N/m], shape (2, N).
+        twist_stiffness: against p00 - p10 - p01 + p11 of the cell that starts from each vertex [N/m], shape (N,).
     """
 
     offsets: IntArray
@@ -28,11 +29,12 @@ class Families:
     rest: FloatArray
     bend_offsets: IntArray
     bend_stiffness: FloatArray
+    twist_stiffness: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """E springs between two vertices, energy 1/2 k (l - l0)^2, and K bend springs on m, energy 1/2 k |sum c_a p_a|^2.
+    """E springs between two vertices, energy 1/2 k (l - l0)^2; K bend springs on four, energy 1/2 k |sum c_a p_a|^2.
 
     Attributes:
         first: first ends, shape (E,).
@@ -40,8 +42,8 @@ class Springs:
         stiffness: k [N/m], shape (E,), none of them zero.
         rest: rest length l0 [m], shape (E,).
         measured: which of them run along threads, or edges of a mesh: what stretch is measured on, shape (E,).
-        bend_vertices: shape (K, m).
-        bend_coefficients: c, zero in sum, shape (K, m).
+        bend_vertices: shape (K, 4).
+        bend_coefficients: c, zero in sum, shape (K, 4); 0 where a bend spring has fewer vertices.
         bend_stiffness: [N/m], shape (K,), none of them zero.
         families: the same springs of a grid by family, None for a mesh.
     """

@@ -14,7 +14,7 @@ from cape.kernels.cloth.baselines import limit_step, scalar_step
 from cape.kernels.jit import Function
 
 UNITS = 1e5  # vertices times steps in a call
-STRANGERS = 256  # vertices of the limit's rows, in the first cache
+ROWS, STRANGERS = 4, 256  # of the limit, and vertices of each, in the first cache
 APART = 0.01  # m, between those rows
 
 
@@ -74,11 +74,10 @@ class Limit(Loop):
     def __init__(self, subject: Subject) -> None:
         """Add rows of vertices that stand in for the ends of springs."""
         super().__init__(subject)
-        rows = self._springs.bend_vertices.shape[1]
-        strangers = np.stack([self._state[:, :STRANGERS]] * rows)
+        strangers = np.stack([self._state[:, :STRANGERS]] * ROWS)
         strangers[1:] += self._dtype(APART)
         coefficients = None if self._coefficients is None else np.ascontiguousarray(self._coefficients.T)
         self._bind(
             limit_step, *self._weights, *self._stiffness, self._damping, coefficients, self._bend_stiffness,
-            self._bend_damping, np.zeros((rows, 3, strangers.shape[2]), self._dtype), strangers,
+            self._bend_damping, np.zeros((ROWS, 3, strangers.shape[2]), self._dtype), strangers,
         )  # fmt: skip

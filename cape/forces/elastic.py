@@ -80,7 +80,10 @@ def links_of(assembly: Assembly, dtype: type[np.floating]) -> Links:
         families = springs.families
         if families is None:
             raise TypeError("the springs of a grid come by family")
-        bends = GridBends(families.bend_offsets, families.bend_stiffness.astype(dtype)) if has_bends else None
+        bends = None
+        if has_bends:
+            stiffness = families.bend_stiffness.astype(dtype), families.twist_stiffness.astype(dtype)
+            bends = GridBends(families.bend_offsets, *stiffness)
         grid = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
         return Links(grid, bends, *times)
     from cape.assembly.mesh_links import mesh_bends_record, mesh_springs_record

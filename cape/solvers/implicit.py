@@ -406,12 +406,15 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
         coefficients = np.zeros((blocks, rows_of_links, 4, lanes), dtype)
         ends = np.zeros(links.springs.forces.shape, dtype)
     if families is not None and links.bends is not None:
-        rows = []
+        rows, twist = [], families.twist_stiffness
         np.add.at(diagonal, springs.bend_vertices, springs.bend_stiffness[:, None] * springs.bend_coefficients**2)
-        for offset, stiffness in zip(families.bend_offsets, families.bend_stiffness, strict=True):
-            arriving = np.concatenate([np.zeros(offset), stiffness[: count - offset]])
-            rows += [-2.0 * (stiffness + arriving), stiffness]
-        bends = padded(np.stack(rows))
+        # An edge across is a side of the cells below and above it, one down of those to its right and left.
+        for offset, beside, stiffness in zip(
+            families.bend_offsets, families.bend_offsets[::-1], families.bend_stiffness, strict=True
+        ):
+            sides = twist + _behind(twist, beside)
+            rows += [-2.0 * (stiffness + _behind(stiffness, offset)) - sides, stiffness]
+        bends = padded(np.stack([*rows, twist]))
     matrix = Matrix(
         front=front,
         bend_diagonal=padded(diagonal),
@@ -424,6 +427,11 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
         bend_damping=links.bend_damping or 0.0,
     )
     return matrix, Layout(coefficients, bends, ends)
+
+
+def _behind(values: Array, offset: int) -> Array:
+    """For each vertex the value of the one that far before it, zero before the first."""
+    return np.concatenate([np.zeros(offset), values[: len(values) - offset]])
 
 
 def _penalty(assembly: Assembly, dtype: type[np.floating]) -> Penalty:

@@ -147,6 +147,7 @@ class XPBD(Solver):
             mobility = weights + 4.0 * _ahead(weights, offset) + _ahead(weights, 2 * offset)
             return self._grid_family(stiffness, None, mobility, columns, dtype)
 
+        cells = weights + _ahead(weights, 1) + _ahead(weights, columns) + _ahead(weights, columns + 1)
         across, down = springs(0), springs(1)
         assert across is not None
         assert down is not None
@@ -161,6 +162,7 @@ class XPBD(Solver):
             anti=springs(3),
             bend_across=bends(0),
             bend_down=bends(1),
+            twist=self._grid_family(families.twist_stiffness, None, cells, columns, dtype),
         )
 
     def _grid_family(

@@ -56,7 +56,9 @@ def rows_of(rows: int, columns: int, dtype: type) -> dict[str, float]:
     state = State(*(np.array(c, dtype) for c in (*positions.T, *random.normal(0.0, 0.1, (3, n)))))
     forces, room = np.zeros((3, n), dtype), grid.grid_room(dtype)
     stretch = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
-    bends = GridBends(families.bend_offsets, families.bend_stiffness.astype(dtype))
+    bends = GridBends(
+        families.bend_offsets, families.bend_stiffness.astype(dtype), families.twist_stiffness.astype(dtype)
+    )
     cells = np.zeros((rows, columns), dtype)
     cells[:-1, :-1] = 1
     air = GridAir(np.zeros(3), 0.1, 0.05, cells.ravel(), columns)
@@ -68,11 +70,11 @@ def rows_of(rows: int, columns: int, dtype: type) -> dict[str, float]:
         dtype(0), weight, springs.first, springs.second, stiffness, rest, dtype(1e-5),
         springs.bend_vertices, coefficients, bent, dtype(2e-3), *np.zeros((3, n), dtype), *(c.copy() for c in state),
     )  # fmt: skip
-    strangers = np.stack([np.stack(state)[:, :STRANGERS]] * 3)
+    strangers = np.stack([np.stack(state)[:, :STRANGERS]] * 4)
     strangers[1:] += dtype(0.01)
     limit = (
         dtype(0), weight, stiffness, rest, dtype(1e-5), np.ascontiguousarray(coefficients.T), bent, dtype(2e-3),
-        np.zeros((3, 3, STRANGERS), dtype), strangers,
+        np.zeros((4, 3, STRANGERS), dtype), strangers,
     )  # fmt: skip
     times = max(1, VERTICES_A_REPEAT // n)
     both = GridForces(state, stretch, bends, 1e-5, 2e-3, forces, room)

@@ -37,6 +37,7 @@ class Sheet:
         self.stiffness = np.stack([np.where(belongs(*step), rng.uniform(1, 2, N), 0.0) for step in STEPS])
         self.rest = rng.uniform(0.5, 1.5, (4, N))
         self.bends = np.stack([np.where(belongs(*step), rng.uniform(1, 2, N), 0.0) for step in ((2, 0), (0, 2))])
+        self.twists = np.where(belongs(1, 1), rng.uniform(1, 2, N), 0.0)
         self.cells = belongs(1, 1).astype(dtype)
         self.state = State(*(np.array(c, dtype=dtype) for c in (*self.p, *self.v)))
         self.dtype = dtype
@@ -46,7 +47,8 @@ class Sheet:
     ) -> GridForces:
         """Springs and bend springs as the kernels take them, with forces that are not numbers yet."""
         springs = GridSprings(OFFSETS, self.stiffness.astype(self.dtype), self.rest.astype(self.dtype))
-        bending = GridBends(BEND_OFFSETS, self.bends.astype(self.dtype)) if bends else None
+        stiffness = self.bends.astype(self.dtype), self.twists.astype(self.dtype)
+        bending = GridBends(BEND_OFFSETS, *stiffness) if bends else None
         forces, room = np.full((3, N), np.nan, self.dtype), grid.grid_room(self.dtype)
         return GridForces(self.state, springs, bending, damping, bend_damping if bends else None, forces, room)
 
@@ -74,10 +76,15 @@ class Sheet:
         """Springs and bend springs as lists: first, second, stiffness, rest; vertices, coefficients, stiffness."""
         family, first = np.nonzero(self.stiffness)
         bend_family, start = np.nonzero(self.bends)
+        # A vertex of another row with the coefficient 0 makes three of them four.
         triples = start[:, None] + BEND_OFFSETS[bend_family, None] * np.arange(3)
+        fours = np.column_stack([triples, (start + 3 * COLUMNS + 3) % N])
+        cells = np.flatnonzero(self.twists)
+        corners = cells[:, None] + np.array([0, 1, COLUMNS, COLUMNS + 1])
+        coefficients = np.repeat([[1.0, -2.0, 1.0, 0.0], [1.0, -1.0, -1.0, 1.0]], [len(start), len(cells)], axis=0)
         return (
             (first, first + OFFSETS[family], self.stiffness[family, first], self.rest[family, first]),
-            (triples, np.tile([1.0, -2.0, 1.0], (len(start), 1)), self.bends[bend_family, start]),
+            (np.concatenate([fours, corners]), coefficients, np.r_[self.bends[bend_family, start], self.twists[cells]]),
         )
 
 
@@ -86,7 +93,7 @@ DENSITY, DRAG, LIFT = 1.2, 1.1, 0.6
 
 def slow_forces(sheet: Sheet, *, bends: bool = True) -> np.ndarray:
     """One spring after the other, and bending as minus the gradient of its energy 1/2 k (D p)^2."""
-    (first, second, stiffness, rest), (triples, coefficients, bend_stiffness) = sheet.lists()
+    (first, second, stiffness, rest), (members, coefficients, bend_stiffness) = sheet.lists()
     expected = np.zeros((3, N))
     for i, j, k, natural in zip(first, second, stiffness, rest, strict=True):
         d, r = sheet.p[:, j] - sheet.p[:, i], sheet.v[:, j] - sheet.v[:, i]
@@ -95,10 +102,10 @@ def slow_forces(sheet: Sheet, *, bends: bool = True) -> np.ndarray:
         expected[:, i] += force
         expected[:, j] -= force
     if bends:
-        second_difference = np.zeros((len(triples), N))
-        np.put_along_axis(second_difference, triples, coefficients, axis=1)
-        bend = (sheet.p + BEND_TAU * sheet.v) @ second_difference.T
-        expected -= (bend_stiffness * bend) @ second_difference
+        difference = np.zeros((len(members), N))
+        np.put_along_axis(difference, members, coefficients, axis=1)
+        bend = (sheet.p + BEND_TAU * sheet.v) @ difference.T
+        expected -= (bend_stiffness * bend) @ difference
     return expected
 
 
@@ -139,6 +146,7 @@ def test_tiles_give_the_same_bits_as_ranges(monkeypatch: pytest.MonkeyPatch):
     state = State(*(rng.standard_normal(n) for _ in range(6)))
     offsets = np.array([1, columns, columns + 1, columns - 1])
     springs, bends, rest = rng.uniform(1, 2, (4, n)), rng.uniform(1, 2, (2, n)), np.ones((4, n))
+    twist = np.where(np.arange(n) < n - columns - 1, rng.uniform(1, 2, n), 0.0)
     for family, offset in enumerate(offsets):
         springs[family, n - offset :] = 0
     for family, offset in enumerate((1, columns)):
@@ -148,7 +156,7 @@ def test_tiles_give_the_same_bits_as_ranges(monkeypatch: pytest.MonkeyPatch):
     for cuts in ([0, n], [0, 1000, 2500, 4000, n]):
         forces, room = np.zeros((3, n)), grid.grid_room(np.float64)
         for lo, hi in itertools.pairwise(cuts):
-            families, bending = GridSprings(offsets, springs, rest), GridBends(np.array([1, columns]), bends)
+            families, bending = GridSprings(offsets, springs, rest), GridBends(np.array([1, columns]), bends, twist)
             grid.grid_forces(GridForces(state, families, bending, TAU, BEND_TAU, forces, room), lo, hi)
             air = GridAir(np.ones(3), 0.1, 0.1, cells, columns)
             grid.grid_air_forces(GridAirForces(state, air, forces, room), lo, hi)
@@ -162,6 +170,7 @@ def test_what_is_none_counts_as_zero():
     np.testing.assert_array_equal(sheet.forces(bend_damping=None), sheet.forces(bend_damping=0.0))
     without = sheet.forces(bends=False)
     sheet.bends[:] = 0
+    sheet.twists[:] = 0
     np.testing.assert_array_equal(without, sheet.forces())
 
 

@@ -92,6 +92,20 @@ def test_the_matrix_is_the_derivative_of_the_forces_where_all_springs_are_stretc
 
 
 @pytest.mark.parametrize("layout", ["grid", "mesh"])
+def test_forces_at_rest_are_minus_the_gradient_of_the_energy(layout: str, rng):
+    linear = Linear(layout, 1.2, rng)
+    step, expected = 1e-6, np.zeros((3, linear.count))
+    for axis, vertex in np.ndindex(expected.shape):
+        moved = np.zeros_like(expected)
+        moved[axis, vertex] = step
+        plus, minus = (Elastic.energy(linear.assembly, (linear.x + sign * moved).T) for sign in (1.0, -1.0))
+        expected[axis, vertex] = (minus - plus) / (2.0 * step)
+    forces = linear.forces(linear.x, np.zeros_like(linear.x))
+    # Central differences: energies of some joules are rounded to 1e-16 of them, over 1e-6 m.
+    np.testing.assert_allclose(forces, expected, atol=1e-8 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("layout", ["grid", "mesh"])
 @pytest.mark.parametrize("stretched", [0.5, 1.2])
 def test_the_matrix_is_symmetric_and_positive_definite_also_compressed(layout: str, stretched: float, rng):
     linear = Linear(layout, stretched, rng)

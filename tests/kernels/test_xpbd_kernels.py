@@ -124,7 +124,7 @@ def order_of(family: str, hand: int) -> list[tuple[int, int]]:
 
 
 def textbook_sweep(book: Textbook, stiffness: dict[str, np.ndarray], rest: dict[str, np.ndarray], bend: np.ndarray):
-    """All constraints of the grid in the order of its phases; bend springs are as stiff in both directions."""
+    """All constraints of the grid in the order of its phases; bend springs and twist are equally stiff everywhere."""
 
     def springs(family: str, hand: int) -> None:
         down, right = LEANS[family]
@@ -140,6 +140,12 @@ def textbook_sweep(book: Textbook, stiffness: dict[str, np.ndarray], rest: dict[
             i, offset = row * COLUMNS + column, down * COLUMNS + right
             book.bend([i, i + offset, i + 2 * offset], np.array([1.0, -2.0, 1.0]), bend[i], 2 * TAU)
 
+    def cells(hand: int) -> None:
+        starts = [(r, c) for r in range(hand, ROWS - 1, HANDS) for c in range(COLUMNS - 1)]
+        for row, column in sorted(starts, key=lambda s: (s[0] // HANDS * COLUMNS + s[1]) % 2):
+            i = row * COLUMNS + column
+            book.bend([i, i + 1, i + COLUMNS, i + COLUMNS + 1], np.array([1.0, -1.0, -1.0, 1.0]), bend[i], 2 * TAU)
+
     for hand in range(HANDS):
         springs("across", hand)
         bends(hand, 0, 1)
@@ -148,6 +154,7 @@ def textbook_sweep(book: Textbook, stiffness: dict[str, np.ndarray], rest: dict[
             bends(0, 1, 0)
         for family in ("down", "diagonal", "anti"):
             springs(family, hand)
+        cells(hand)
     bends(1, 1, 0)
     bends(2, 1, 0)
 
@@ -177,6 +184,9 @@ def test_a_grid_is_solved_in_the_order_of_its_phases(rng: np.random.Generator):
     for offset, inside in ((1, column + 2 < COLUMNS), (COLUMNS, row + 2 < ROWS)):
         mobility = weights + 4 * np.roll(weights, -offset) + np.roll(weights, -2 * offset)
         families.append(prepared(dealt(np.where(inside, bend, 0.0)), None, dealt(mobility), 2 * TAU, 3))
+    inside = (row + 1 < ROWS) & (column + 1 < COLUMNS)
+    mobility = np.sum([np.roll(weights, -offset) for offset in (0, 1, COLUMNS, COLUMNS + 1)], axis=0)
+    families.append(prepared(dealt(np.where(inside, bend, 0.0)), None, dealt(mobility), 2 * TAU, 3))
     room = np.zeros((2, HANDS, 3, PLACES * COLUMNS))
     state = State(*(p.copy() for p in (*x, *v)))
     grid = GridConstraints(COLUMNS, dealt(weights), room[0], room[1], *families)

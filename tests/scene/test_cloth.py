@@ -139,13 +139,16 @@ def test_springs_rest_at_the_pattern_and_stay_on_the_grid(cloth: GridCloth):
     r, c = cloth.rows, cloth.columns
     assert len(first) == r * (c - 1) + (r - 1) * c + 2 * (r - 1) * (c - 1)
     assert springs.measured.sum() == r * (c - 1) + (r - 1) * c
-    start, middle, end = springs.bend_vertices.T
     assert (springs.bend_stiffness > 0).all()
-    assert len(start) == r * max(c - 2, 0) + max(r - 2, 0) * c
+    lines, cells = r * max(c - 2, 0) + max(r - 2, 0) * c, (r - 1) * (c - 1)
+    coefficients = np.repeat([[1, -2, 1, 0], [1, -1, -1, 1]], [lines, cells], axis=0)
+    np.testing.assert_array_equal(springs.bend_coefficients, coefficients)
+    start, middle, end, _ = springs.bend_vertices[:lines].T
     np.testing.assert_array_equal(end - middle, middle - start)
     straight = np.where(middle - start == 1, start % c + 2 < c, end < cloth.vertices)
     assert straight.all()
-    np.testing.assert_array_equal(springs.bend_coefficients, np.tile([1, -2, 1], (len(start), 1)))
+    quads = np.arange(cloth.vertices).reshape(r, c)[:-1, :-1].ravel()[:, None] + [0, 1, c, c + 1]
+    np.testing.assert_array_equal(springs.bend_vertices[lines:], quads)
 
 
 @cuts
@@ -208,10 +211,10 @@ def stiffness_matrix(cloth: GridCloth, positions: np.ndarray | None = None) -> n
         own = k * (along + (1.0 - rest / length) * (np.eye(3) - along))
         for a, b, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
             matrix[a, :, b, :] += sign * own
-    for members, k in zip(springs.bend_vertices, springs.bend_stiffness, strict=True):
-        weights = dict(zip(members, (1, -2, 1), strict=True))
-        for a, wa in weights.items():
-            for b, wb in weights.items():
+    bends = springs.bend_vertices, springs.bend_coefficients, springs.bend_stiffness
+    for members, coefficients, k in zip(*bends, strict=True):
+        for a, wa in zip(members, coefficients, strict=True):
+            for b, wb in zip(members, coefficients, strict=True):
                 matrix[a, :, b, :] += k * wa * wb * np.eye(3)
     return matrix.reshape(3 * size, 3 * size)
 

@@ -105,7 +105,8 @@ def test_angular_momentum_lost_by_xpbd_is_of_first_order():
     for substeps in (160, 320):
         run = crumpled(XPBD(precision="double"))
         before = run.angular_momentum
-        for _ in range(12):
+        # Later on the cloth turns what was lost early into other motion, of another order.
+        for _ in range(3):
             run.step(1 / 60, substeps)
         lost.append(np.linalg.norm(run.angular_momentum - before))
     assert np.log2(lost[0] / lost[1]) == pytest.approx(1.0, abs=0.2)

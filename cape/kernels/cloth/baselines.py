@@ -1,7 +1,7 @@
 """Two yardsticks for the solvers' inner loops: the loop that anybody would write, and what the arithmetic alone costs.
 
-Both take substeps of symplectic Euler with E distance springs, K bend springs of m vertices and N vertices, without
-gravity, contact or air.
+Both take substeps of symplectic Euler with E distance springs, K bend springs of four vertices and N vertices, without
+gravity, contact or air. A grid's bend springs of three vertices count as four, one of them with the coefficient 0.
 """
 
 import math
@@ -16,7 +16,7 @@ def scalar_step(
 ):  # fmt: skip
     """Advance the state by substeps of `step` [s], one spring after the other.
 
-    `first` and `second` (E,) are the ends of springs, `bend_vertices` and `bend_coefficients` have shape (K, m); both
+    `first` and `second` (E,) are the ends of springs, `bend_vertices` and `bend_coefficients` have shape (K, 4); both
     are None without bending, as a damping time [s] is without damping. The forces f (N,) are room. Numbers are given in
     the precision of the state.
     """
@@ -80,14 +80,14 @@ def limit_step(
 ):  # fmt: skip
     """Do the arithmetic of `scalar_step` on contiguous data: no index, no overlap, and the state stays in the cache.
 
-    `states` (m, 6, n) and `forces` (m, 3, n) are those of m rows of n strangers, some 256: a spring joins vertex i of
-    the first row to vertex i of the second, n springs a pass until all of `stiffness` (E,) are done; bend springs join
-    one of each row, and the first row moves until all of `inverse_mass` (N,) are. Here `bend_coefficients` has shape
-    (m, K). A layout that shares work between springs can fall below this.
+    `states` (4, 6, n) and `forces` (4, 3, n) are those of four rows of n strangers, some 256: a spring joins vertex i
+    of the first row to vertex i of the second, n springs a pass until all of `stiffness` (E,) are done; bend springs
+    join one of each row, and the first row moves until all of `inverse_mass` (N,) are. Here `bend_coefficients` has
+    shape (4, K). A layout that shares work between springs can fall below this.
     The numbers stand for no cloth.
     """
-    s, t, u, n = states[0], states[1], states[2], states.shape[2]
-    f, g, h = forces[0], forces[1], forces[2]
+    s, t, u, v, n = states[0], states[1], states[2], states[3], states.shape[2]
+    f, g, h, e = forces[0], forces[1], forces[2], forces[3]
     for _ in range(substeps):
         for begin in range(0, stiffness.size, n):
             end = begin + n
@@ -100,18 +100,12 @@ def limit_step(
             for begin in range(0, bend_stiffness.size, n):
                 end = begin + n
                 k, c0, c1 = bend_stiffness[begin:end], bend_coefficients[0, begin:end], bend_coefficients[1, begin:end]
-                c2, c3 = bend_coefficients[2, begin:end], bend_coefficients[-1, begin:end]
+                c2, c3 = bend_coefficients[2, begin:end], bend_coefficients[3, begin:end]
                 for a in range(3):
-                    if len(states) == 3:
-                        limit_bends(
-                            k, c0, c1, c2, None, bend_damping, s[a], s[3 + a], t[a], t[3 + a], u[a], u[3 + a],
-                            None, None, f[a], g[a], h[a], None,
-                        )  # fmt: skip
-                    else:
-                        limit_bends(
-                            k, c0, c1, c2, c3, bend_damping, s[a], s[3 + a], t[a], t[3 + a], u[a], u[3 + a],
-                            states[3, a], states[3, 3 + a], f[a], g[a], h[a], forces[3, a],
-                        )  # fmt: skip
+                    limit_bends(
+                        k, c0, c1, c2, c3, bend_damping, s[a], s[3 + a], t[a], t[3 + a], u[a], u[3 + a],
+                        v[a], v[3 + a], f[a], g[a], h[a], e[a],
+                    )  # fmt: skip
         for begin in range(0, inverse_mass.size, n):
             limit_move(
                 step, inverse_mass[begin : begin + n], f[0], f[1], f[2], s[0], s[1], s[2], s[3], s[4], s[5]
@@ -144,26 +138,22 @@ def limit_springs(
 def limit_bends(
     stiffness, c0, c1, c2, c3, damping, p0, v0, p1, v1, p2, v2, p3, v3, f0, f1, f2, f3
 ):  # fmt: skip
-    """The arithmetic of bend springs on three rows of vertices, or four, along one coordinate."""
+    """The arithmetic of bend springs on four rows of vertices, along one coordinate."""
     for i in range(stiffness.size):
         if damping is not None:
             b = (
                 c0[i] * (p0[i] + damping * v0[i])
                 + c1[i] * (p1[i] + damping * v1[i])
                 + c2[i] * (p2[i] + damping * v2[i])
+                + c3[i] * (p3[i] + damping * v3[i])
             )
-            if p3 is not None:
-                b += c3[i] * (p3[i] + damping * v3[i])
         else:
-            b = c0[i] * p0[i] + c1[i] * p1[i] + c2[i] * p2[i]
-            if p3 is not None:
-                b += c3[i] * p3[i]
+            b = c0[i] * p0[i] + c1[i] * p1[i] + c2[i] * p2[i] + c3[i] * p3[i]
         b *= stiffness[i]
         f0[i] -= c0[i] * b
         f1[i] -= c1[i] * b
         f2[i] -= c2[i] * b
-        if p3 is not None:
-            f3[i] -= c3[i] * b
+        f3[i] -= c3[i] * b
 
 
 @kernel

@@ -30,7 +30,7 @@ MOST_COLUMNS = (STRIDE - LARGE_TILE - 4 * LANES) // 3
 
 ONE = np.uint64(1)
 # Where each array starts: in the window of the state, and in the fluxes along x (y and z follow) of each family.
-X, Y, Z, VX, VY, VZ, QX, QY, QZ, BEND_ACROSS, BEND_DOWN = (np.uint64(k * STRIDE) for k in range(11))
+X, Y, Z, VX, VY, VZ, QX, QY, QZ, BEND_ACROSS, BEND_DOWN, TWIST = (np.uint64(k * STRIDE) for k in range(12))
 RIGHT, DOWN, DIAGONAL, ANTIDIAGONAL = (np.uint64(3 * k * STRIDE) for k in range(4))
 TO_Y, TO_Z = np.uint64(STRIDE), np.uint64(2 * STRIDE)
 # The same room for the air: on a cell's first corner, on the two that its triangles share, and on the last.
@@ -49,10 +49,12 @@ class GridSprings(NamedTuple):
 
 
 class GridBends(NamedTuple):
-    """Bend springs of a grid cloth, across and down: `offsets` (2,), `stiffness` [N/m] (2, N)."""
+    """Bending of a grid cloth: springs across and down, `offsets` (2,) and `stiffness` [N/m] (2, N), and `twist` [N/m]
+    (N,) of the cell that starts from each vertex, zero where a spring or cell would leave the grid."""
 
     offsets: Indices
     stiffness: Array
+    twist: Array
 
 
 class GridAir(NamedTuple):
@@ -74,7 +76,7 @@ class GridRoom(NamedTuple):
 
 def grid_room(dtype: DTypeLike) -> GridRoom:
     """Make the scratch that `grid_forces` and `grid_air_forces` need, one for each thread."""
-    return GridRoom(_aligned(11 * STRIDE, dtype), _aligned(12 * STRIDE, dtype))
+    return GridRoom(_aligned(12 * STRIDE, dtype), _aligned(12 * STRIDE, dtype))
 
 
 def _aligned(size: int, dtype: DTypeLike) -> NDArray[np.floating]:
@@ -165,6 +167,14 @@ def stiffness_of(bends):
     return bends.stiffness
 
 
+@inlined
+def twist_of(bends):
+    """Stiffness against the twist of cells; None for none."""
+    if bends is None:
+        return None
+    return bends.twist
+
+
 @routine
 def spring_tile(g, begin, end, to):
     """Fluxes of the springs that start from vertices begin to end, to the room's place `to`."""
@@ -181,7 +191,7 @@ def spring_tile(g, begin, end, to):
         last = n
     copy_state(
         np.uint64(first), np.uint64(last - first), np.uint64(at + first - begin),
-        s.x, s.y, s.z, s.vx, s.vy, s.vz, damping, bends, bend_damping, window,
+        s.x, s.y, s.z, s.vx, s.vy, s.vz, damping, bends, twist_of(g.bends), bend_damping, window,
     )  # fmt: skip
     set_fluxes(
         np.uint64(begin), np.uint64(end - begin), np.uint64(at), np.uint64(to), np.uint64(columns),
@@ -208,7 +218,7 @@ def keep_tail(start, to, count, fluxes):
 
 
 @kernel
-def copy_state(begin, count, at, x, y, z, vx, vy, vz, damping, bend_stiffness, bend_damping, w):
+def copy_state(begin, count, at, x, y, z, vx, vy, vz, damping, bend_stiffness, twist, bend_damping, w):
     """Copy state and bend springs of vertices to the window, and q = p + tau v, in which bending is linear."""
     for k in range(count):
         i, o = begin + k, at + k
@@ -216,7 +226,7 @@ def copy_state(begin, count, at, x, y, z, vx, vy, vz, damping, bend_stiffness, b
         if damping is not None:
             w[VX + o], w[VY + o], w[VZ + o] = vx[i], vy[i], vz[i]
         if bend_stiffness is not None:
-            w[BEND_ACROSS + o], w[BEND_DOWN + o] = bend_stiffness[0, i], bend_stiffness[1, i]
+            w[BEND_ACROSS + o], w[BEND_DOWN + o], w[TWIST + o] = bend_stiffness[0, i], bend_stiffness[1, i], twist[i]
             if bend_damping is not None:
                 w[QX + o] = x[i] + bend_damping * vx[i]
                 w[QY + o] = y[i] + bend_damping * vy[i]
@@ -250,6 +260,10 @@ def set_fluxes(begin, count, at, to, columns, w, stiffness, rest, damping, bend_
             fx += bend_flux(w, QX + up, QX + i, QX + down, QX + below, first, second)
             fy += bend_flux(w, QY + up, QY + i, QY + down, QY + below, first, second)
             fz += bend_flux(w, QZ + up, QZ + i, QZ + down, QZ + below, first, second)
+            first, second = w[TWIST + i - ONE], w[TWIST + i]
+            fx += twist_flux(w, QX + i, QX + down, first, second)
+            fy += twist_flux(w, QY + i, QY + down, first, second)
+            fz += twist_flux(w, QZ + i, QZ + down, first, second)
         o = DOWN + to + k
         fluxes[o], fluxes[o + TO_Y], fluxes[o + TO_Z] = fx, fy, fz
 
@@ -286,6 +300,17 @@ def bend_flux(w, before, i, j, after, first, second):
     """
     step = w[j] - w[i]
     return first * (step - (w[i] - w[before])) - second * ((w[after] - w[j]) - step)
+
+
+@inlined
+def twist_flux(w, i, j, left, right):
+    """What the cells on both sides of a thread pass down it from i to j along one coordinate [N].
+
+    A cell has the energy 1/2 k (q_00 - q_10 - q_01 + q_11)^2. Its forces, with T = k (q_00 - q_10 - q_01 + q_11),
+    are those of two opposite fluxes down its sides, -T on its left and T on its right one.
+    """
+    step = w[j] - w[i]
+    return left * (step - (w[j - ONE] - w[i - ONE])) - right * ((w[j + ONE] - w[i + ONE]) - step)
 
 
 @kernel

@@ -55,8 +55,9 @@ class Blocks(NamedTuple):
 class GridStiffness(NamedTuple):
     """The matrix of a grid cloth.
 
-    `coefficients` holds w and c of each spring (4 F, L), `couplings` those of a vertex with the next ones and the
-    second next along each family of bend springs [N/m] (2 K, L), None without any; `scratch` (3, L) is a thread's own.
+    `coefficients` holds w and c of each spring (4 F, L). `couplings` are those by bending [N/m] (5, L), None without
+    any: of a vertex with the next and the second next along its row, the same down its column, and of the corners of
+    its cell that face each other; `scratch` (3, L) is a thread's own.
     """
 
     state: State
@@ -180,7 +181,7 @@ def add_family_product(offset, wx, wy, wz, c, px, py, pz, sx, sy, sz, qx, qy, qz
 
 @kernel
 def add_bend_product(offset, scale, near, far, px, py, pz, qx, qy, qz):
-    """Add the couplings of one family of bend springs: those of a vertex with the next ones and the second next.
+    """Add the couplings of a vertex along a row or down a column: those with the next ones and the second next.
 
     q begins at the first vertex wanted, `near`, `far` and p two offsets before it.
     """
@@ -193,6 +194,23 @@ def add_bend_product(offset, scale, near, far, px, py, pz, qx, qy, qz):
         qx[i] += scale * (a * px[i] + b * x1[i] + c * x3[i] + d * x4[i])
         qy[i] += scale * (a * py[i] + b * y1[i] + c * y3[i] + d * y4[i])
         qz[i] += scale * (a * pz[i] + b * z1[i] + c * z3[i] + d * z4[i])
+
+
+@kernel
+def add_twist_product(columns, scale, cells, px, py, pz, qx, qy, qz):
+    """Add the couplings of opposite corners of the cells, of those that start from each vertex.
+
+    q begins at the first vertex wanted, `cells` and p a row and a vertex before it.
+    """
+    above, left, own = cells[1:], cells[columns:], cells[columns + 1 :]
+    x1, y1, z1 = px[2:], py[2:], pz[2:]
+    x2, y2, z2 = px[2 * columns :], py[2 * columns :], pz[2 * columns :]
+    x3, y3, z3 = px[2 * columns + 2 :], py[2 * columns + 2 :], pz[2 * columns + 2 :]
+    for i in range(qx.size):
+        a, b, c, d = cells[i], above[i], left[i], own[i]
+        qx[i] += scale * (a * px[i] + b * x1[i] + c * x2[i] + d * x3[i])
+        qy[i] += scale * (a * py[i] + b * y1[i] + c * y2[i] + d * y3[i])
+        qz[i] += scale * (a * pz[i] + b * z1[i] + c * z2[i] + d * z3[i])
 
 
 @kernel
@@ -296,6 +314,10 @@ def add_grid_bend_product(lo, hi, bends, scale, front, couplings, p, q):
             offset, scale, couplings[2 * family, b:], couplings[2 * family + 1, b:],
             p[0, b:], p[1, b:], p[2, b:], q[0, a:e], q[1, a:e], q[2, a:e],
         )  # fmt: skip
+    b = a - bends.offsets[1] - 1
+    add_twist_product(
+        bends.offsets[1], scale, couplings[4, b:], p[0, b:], p[1, b:], p[2, b:], q[0, a:e], q[1, a:e], q[2, a:e]
+    )
 
 
 @routine

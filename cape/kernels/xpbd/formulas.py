@@ -132,6 +132,22 @@ def draw_to_middle(k, i, j, l, time, gain, slack, impulse, w0, w1, w2, p0, p1, p
 
 
 @inlined
+def straighten_cell(k, i, j, time, gain, slack, impulse, w0, w1, p0, p1, v0, v1):
+    """C(p) = p00 - p10 - p01 + p11 along one coordinate, of vertices i and i + 1 of one group, j and j + 1 of another.
+
+    `time` is h + tau.
+    """
+    ii, jj = i + unsigned(1), j + unsigned(1)
+    a, b, c, d = v0[i], v0[ii], v1[j], v1[jj]
+    twist = (p1[jj] - p1[j]) - (p0[ii] - p0[i]) + time * ((d - c) - (b - a))
+    change = change_of(gain[k] * twist, k, slack, impulse)
+    v0[i] = a - change * w0[i]
+    v0[ii] = b + change * w0[ii]
+    v1[j] = c + change * w1[j]
+    v1[jj] = d - change * w1[jj]
+
+
+@inlined
 def unsigned(number):
     """An index that can't be negative: signed ones that do not start at 0 keep a loop scalar."""
     return np.uint64(number)

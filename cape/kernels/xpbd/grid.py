@@ -3,7 +3,8 @@
 Rows are dealt to three hands, row 3 k + t to hand t at its place k. The springs of one family between two hands then
 link two separate arrays, vertex by vertex, over all rows at once; so do bend springs down with all three hands.
 Springs along the rows link neighbours within an array, and every second of them (third, for bend springs) shares no
-vertex. No index is looked up, and all loops vectorise. What would link the end of a row to the next has stiffness 0.
+vertex; nor does every second cell between two hands, each of which resists twist. No index is looked up, and all loops
+vectorise. What would link the end of a row to the next has stiffness 0.
 
 Threads share the places k. Three phases, between which they meet, keep each vertex with one thread:
 within the rows of a place; from hand 2 to hand 0 of the next place; from hand 2 to hands 0 and 1 of the next.
@@ -26,6 +27,7 @@ from cape.kernels.xpbd.formulas import (
     forget,
     pull_together,
     set_gains,
+    straighten_cell,
     unsigned,
 )
 
@@ -46,6 +48,7 @@ class GridConstraints(NamedTuple):
     anti: Constraints | None
     bend_across: Constraints | None
     bend_down: Constraints | None
+    twist: Constraints | None
 
 
 class GridSweeps(NamedTuple):
@@ -71,6 +74,7 @@ def prepare_grid(g, team, substep, substeps, step):
     prepare_family(c.anti, lo, hi, h, tau)
     prepare_family(c.bend_across, lo, hi, h, bend_tau)
     prepare_family(c.bend_down, lo, hi, h, bend_tau)
+    prepare_family(c.twist, lo, hi, h, bend_tau)
 
 
 @unit
@@ -90,6 +94,7 @@ def solve_grid(g, team, substep, substeps, step):
     forget_family(c.anti, lo, hi)
     forget_family(c.bend_across, lo, hi)
     forget_family(c.bend_down, lo, hi)
+    forget_family(c.twist, lo, hi)
     for _ in range(g.iterations):
         if hi > lo:
             link_along(c, c.bend_across, lo, hi, h, tau, time)
@@ -97,12 +102,14 @@ def solve_grid(g, team, substep, substeps, step):
                 link_rows(c, c.down, 0, hand, lo, hi, 0, h, tau)
                 link_rows(c, c.diagonal, 1, hand, lo, hi, 0, h, tau)
                 link_rows(c, c.anti, -1, hand, lo, hi, 0, h, tau)
+                twist_rows(c, c.twist, hand, lo, hi, 0, time)
             bend_rows(c, c.bend_down, 0, lo, hi, 0, 0, time)
         meet(team)
         if end > lo:
             link_rows(c, c.down, 0, 2, lo, end, columns, h, tau)
             link_rows(c, c.diagonal, 1, 2, lo, end, columns, h, tau)
             link_rows(c, c.anti, -1, 2, lo, end, columns, h, tau)
+            twist_rows(c, c.twist, 2, lo, end, columns, time)
             bend_rows(c, c.bend_down, 1, lo, end, 0, columns, time)
         meet(team)
         if end > lo:
@@ -191,6 +198,17 @@ def bend_between(time, gain, slack, impulse, w0, w1, w2, p0, p1, p2, v0, v1, v2)
         draw_to_middle(i, i, i, i, time, gain, slack, impulse, w0, w1, w2, p0, p1, p2, v0, v1, v2)
 
 
+@kernel
+def twist_between(lo, time, gain, slack, impulse, w0, w1, p0, p1, v0, v1):
+    """Cells between two groups of arrays that start at the vertex `lo` of a hand: first even ones of it, then odd."""
+    two = unsigned(2)
+    for parity in range(2):
+        start = unsigned((lo + parity) % 2)
+        for pair in range(unsigned(0), (unsigned(p0.size) - start) // two):
+            i = start + two * pair
+            straighten_cell(i, i, i, time, gain, slack, impulse, w0, w1, p0, p1, v0, v1)
+
+
 @routine
 def grid_places(columns, vertices, team):
     """First place of this thread and the one after its last, of one place for each three rows."""
@@ -271,4 +289,19 @@ def bend_rows(c, bends, hand, lo, hi, ahead, further, time):
                 w[hand, lo:hi], w[middle, near : near + count], w[last, far : far + count],
                 q[hand, axis, lo:hi], q[middle, axis, near : near + count], q[last, axis, far : far + count],
                 u[hand, axis, lo:hi], u[middle, axis, near : near + count], u[last, axis, far : far + count],
+            )  # fmt: skip
+
+
+@routine
+def twist_rows(c, cells, hand, lo, hi, ahead, time):
+    """Cells that start from vertices lo to hi of one hand and end `ahead` of them in the next."""
+    if cells is not None:
+        other = (hand + 1) % 3
+        q, u, w = c.positions, c.velocities, c.inverse_mass
+        to, end = lo + ahead, hi + ahead
+        for axis in range(3):
+            twist_between(
+                lo, time, cells.gain[hand, lo:hi], part(row(cells.slack, hand), lo, hi),
+                part(row(row(cells.impulse, axis), hand), lo, hi), w[hand, lo:hi], w[other, to:end],
+                q[hand, axis, lo:hi], q[other, axis, to:end], u[hand, axis, lo:hi], u[other, axis, to:end],
             )  # fmt: skip
