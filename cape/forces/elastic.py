@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cape.assembly.assemble import Assembly
 from cape.cloth.cloth import GridCloth
 from cape.forces.base import Acting, Force
-from cape.kernels.cloth.grid import GridBends, GridForces, GridSprings, grid_springs
+from cape.kernels.cloth.grid import GridBends, GridForces, GridSprings, grid_bends, grid_springs
 from cape.kernels.cloth.mesh import MeshBends, MeshForces, MeshSprings, mesh_springs
 from cape.kernels.program import Use
 from cape.scene.scene import Scene
@@ -82,8 +82,7 @@ def links_of(assembly: Assembly, dtype: type[np.floating]) -> Links:
             raise TypeError("the springs of a grid come by family")
         bends = None
         if has_bends:
-            stiffness = families.bend_stiffness.astype(dtype), families.twist_stiffness.astype(dtype)
-            bends = GridBends(families.bend_offsets, *stiffness)
+            bends = grid_bends(families.bend_stiffness, families.twist_stiffness, assembly.cloth.columns, dtype)
         grid = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
         return Links(grid, bends, *times)
     from cape.assembly.mesh_links import mesh_bends_record, mesh_springs_record

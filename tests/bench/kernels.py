@@ -14,7 +14,7 @@ from cape.assembly.springs import springs_of
 from cape.cloth.cloth import GridCloth
 from cape.kernels.calling import Bound
 from cape.kernels.cloth import baselines, grid
-from cape.kernels.cloth.grid import GridAir, GridAirForces, GridBends, GridForces, GridSprings
+from cape.kernels.cloth.grid import GridAir, GridAirForces, GridForces, GridSprings
 from cape.kernels.jit import routine
 from cape.kernels.solve import euler
 from cape.kernels.state import State
@@ -56,9 +56,7 @@ def rows_of(rows: int, columns: int, dtype: type) -> dict[str, float]:
     state = State(*(np.array(c, dtype) for c in (*positions.T, *random.normal(0.0, 0.1, (3, n)))))
     forces, room = np.zeros((3, n), dtype), grid.grid_room(dtype)
     stretch = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
-    bends = GridBends(
-        families.bend_offsets, families.bend_stiffness.astype(dtype), families.twist_stiffness.astype(dtype)
-    )
+    bends = grid.grid_bends(families.bend_stiffness, families.twist_stiffness, columns, dtype)
     cells = np.zeros((rows, columns), dtype)
     cells[:-1, :-1] = 1
     air = GridAir(np.zeros(3), 0.1, 0.05, cells.ravel(), columns)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cape.kernels.cloth import baselines, grid
-from cape.kernels.cloth.grid import GridAir, GridAirForces, GridBends, GridForces, GridSprings
+from cape.kernels.cloth.grid import GridAir, GridAirForces, GridForces, GridSprings
 from cape.kernels.state import State
 from tests.support.code import MACHINE, assembly, assembly_of_unit, compiled_only
 
@@ -47,8 +47,7 @@ class Sheet:
     ) -> GridForces:
         """Springs and bend springs as the kernels take them, with forces that are not numbers yet."""
         springs = GridSprings(OFFSETS, self.stiffness.astype(self.dtype), self.rest.astype(self.dtype))
-        stiffness = self.bends.astype(self.dtype), self.twists.astype(self.dtype)
-        bending = GridBends(BEND_OFFSETS, *stiffness) if bends else None
+        bending = grid.grid_bends(self.bends, self.twists, COLUMNS, self.dtype) if bends else None
         forces, room = np.full((3, N), np.nan, self.dtype), grid.grid_room(self.dtype)
         return GridForces(self.state, springs, bending, damping, bend_damping if bends else None, forces, room)
 
@@ -156,7 +155,7 @@ def test_tiles_give_the_same_bits_as_ranges(monkeypatch: pytest.MonkeyPatch):
     for cuts in ([0, n], [0, 1000, 2500, 4000, n]):
         forces, room = np.zeros((3, n)), grid.grid_room(np.float64)
         for lo, hi in itertools.pairwise(cuts):
-            families, bending = GridSprings(offsets, springs, rest), GridBends(np.array([1, columns]), bends, twist)
+            families, bending = GridSprings(offsets, springs, rest), grid.grid_bends(bends, twist, columns, np.float64)
             grid.grid_forces(GridForces(state, families, bending, TAU, BEND_TAU, forces, room), lo, hi)
             air = GridAir(np.ones(3), 0.1, 0.1, cells, columns)
             grid.grid_air_forces(GridAirForces(state, air, forces, room), lo, hi)

@@ -29,8 +29,10 @@ SMALL_TILE, LARGE_TILE = 2048, 8192  # vertices; the former for narrow grids
 MOST_COLUMNS = (STRIDE - LARGE_TILE - 4 * LANES) // 3
 
 ONE = np.uint64(1)
+# Rows of the stiffness of bends.
+BEND_ACROSS, BEND_DOWN, TWIST = range(3)
 # Where each array starts: in the window of the state, and in the fluxes along x (y and z follow) of each family.
-X, Y, Z, VX, VY, VZ, QX, QY, QZ, BEND_ACROSS, BEND_DOWN, TWIST = (np.uint64(k * STRIDE) for k in range(12))
+X, Y, Z, VX, VY, VZ, QX, QY, QZ = (np.uint64(k * STRIDE) for k in range(9))
 RIGHT, DOWN, DIAGONAL, ANTIDIAGONAL = (np.uint64(3 * k * STRIDE) for k in range(4))
 TO_Y, TO_Z = np.uint64(STRIDE), np.uint64(2 * STRIDE)
 # The same room for the air: on a cell's first corner, on the two that its triangles share, and on the last.
@@ -49,12 +51,11 @@ class GridSprings(NamedTuple):
 
 
 class GridBends(NamedTuple):
-    """Bending of a grid cloth: springs across and down, `offsets` (2,) and `stiffness` [N/m] (2, N), and `twist` [N/m]
-    (N,) of the cell that starts from each vertex, zero where a spring or cell would leave the grid."""
+    """Bending of a grid cloth, see `grid_bends`: `offsets` (2,) of springs across and down, `stiffness` [N/m] of these
+    and of the twist of cells (3, c + N), where a row of c vertices before the first starts nothing."""
 
     offsets: Indices
     stiffness: Array
-    twist: Array
 
 
 class GridAir(NamedTuple):
@@ -74,9 +75,20 @@ class GridRoom(NamedTuple):
     fluxes: NDArray[np.floating]
 
 
+def grid_bends(springs: Array, twist: Array, columns: int, dtype: DTypeLike) -> GridBends:
+    """Lay out bending as `grid_forces` reads it.
+
+    The stiffness [N/m] of springs across and down, (2, N), and against the twist of cells, (N,), stands at the first
+    vertex of each; it is zero where one would leave the grid.
+    """
+    stiffness = np.zeros((3, columns + len(twist)), dtype)
+    stiffness[:TWIST, columns:], stiffness[TWIST, columns:] = springs, twist
+    return GridBends(np.array([1, columns]), stiffness)
+
+
 def grid_room(dtype: DTypeLike) -> GridRoom:
     """Make the scratch that `grid_forces` and `grid_air_forces` need, one for each thread."""
-    return GridRoom(_aligned(12 * STRIDE, dtype), _aligned(12 * STRIDE, dtype))
+    return GridRoom(_aligned(9 * STRIDE, dtype), _aligned(12 * STRIDE, dtype))
 
 
 def _aligned(size: int, dtype: DTypeLike) -> NDArray[np.floating]:
@@ -167,14 +179,6 @@ def stiffness_of(bends):
     return bends.stiffness
 
 
-@inlined
-def twist_of(bends):
-    """Stiffness against the twist of cells; None for none."""
-    if bends is None:
-        return None
-    return bends.twist
-
-
 @routine
 def spring_tile(g, begin, end, to):
     """Fluxes of the springs that start from vertices begin to end, to the room's place `to`."""
@@ -191,7 +195,7 @@ def spring_tile(g, begin, end, to):
         last = n
     copy_state(
         np.uint64(first), np.uint64(last - first), np.uint64(at + first - begin),
-        s.x, s.y, s.z, s.vx, s.vy, s.vz, damping, bends, twist_of(g.bends), bend_damping, window,
+        s.x, s.y, s.z, s.vx, s.vy, s.vz, damping, bends, bend_damping, window,
     )  # fmt: skip
     set_fluxes(
         np.uint64(begin), np.uint64(end - begin), np.uint64(at), np.uint64(to), np.uint64(columns),
@@ -218,15 +222,14 @@ def keep_tail(start, to, count, fluxes):
 
 
 @kernel
-def copy_state(begin, count, at, x, y, z, vx, vy, vz, damping, bend_stiffness, twist, bend_damping, w):
-    """Copy state and bend springs of vertices to the window, and q = p + tau v, in which bending is linear."""
+def copy_state(begin, count, at, x, y, z, vx, vy, vz, damping, bends, bend_damping, w):
+    """Copy the state of vertices to the window and, where there are bends, q = p + tau v, in which these are linear."""
     for k in range(count):
         i, o = begin + k, at + k
         w[X + o], w[Y + o], w[Z + o] = x[i], y[i], z[i]
         if damping is not None:
             w[VX + o], w[VY + o], w[VZ + o] = vx[i], vy[i], vz[i]
-        if bend_stiffness is not None:
-            w[BEND_ACROSS + o], w[BEND_DOWN + o], w[TWIST + o] = bend_stiffness[0, i], bend_stiffness[1, i], twist[i]
+        if bends is not None:
             if bend_damping is not None:
                 w[QX + o] = x[i] + bend_damping * vx[i]
                 w[QY + o] = y[i] + bend_damping * vy[i]
@@ -236,17 +239,18 @@ def copy_state(begin, count, at, x, y, z, vx, vy, vz, damping, bend_stiffness, t
 
 
 @kernel
-def set_fluxes(begin, count, at, to, columns, w, stiffness, rest, damping, bend_stiffness, fluxes):
+def set_fluxes(begin, count, at, to, columns, w, stiffness, rest, damping, bends, fluxes):
     """What the springs that start from each vertex exert on it, and the opposite on their other ends [N].
 
-    Vertices begin to begin + count are in the window `w` from `at` on, and their fluxes go to `to`.
+    Vertices begin to begin + count are in the window `w` from `at` on, and their fluxes go to `to`. `bends` is their
+    stiffness, of which that of vertex e stands at e + columns.
     """
     for k in range(count):
         i, e = at + k, begin + k
-        right, down = i + ONE, i + columns
+        right, down, own = i + ONE, i + columns, e + columns
         fx, fy, fz = spring_force(w, i, right, stiffness[0, e], rest[0, e], damping)
-        if bend_stiffness is not None:
-            first, second = w[BEND_ACROSS + i - ONE], w[BEND_ACROSS + i]
+        if bends is not None:
+            first, second = bends[BEND_ACROSS, own - ONE], bends[BEND_ACROSS, own]
             fx += bend_flux(w, QX + i - ONE, QX + i, QX + right, QX + right + ONE, first, second)
             fy += bend_flux(w, QY + i - ONE, QY + i, QY + right, QY + right + ONE, first, second)
             fz += bend_flux(w, QZ + i - ONE, QZ + i, QZ + right, QZ + right + ONE, first, second)
@@ -254,13 +258,13 @@ def set_fluxes(begin, count, at, to, columns, w, stiffness, rest, damping, bend_
         fluxes[o], fluxes[o + TO_Y], fluxes[o + TO_Z] = fx, fy, fz
 
         fx, fy, fz = spring_force(w, i, down, stiffness[1, e], rest[1, e], damping)
-        if bend_stiffness is not None:
+        if bends is not None:
             up, below = i - columns, down + columns
-            first, second = w[BEND_DOWN + up], w[BEND_DOWN + i]
+            first, second = bends[BEND_DOWN, e], bends[BEND_DOWN, own]
             fx += bend_flux(w, QX + up, QX + i, QX + down, QX + below, first, second)
             fy += bend_flux(w, QY + up, QY + i, QY + down, QY + below, first, second)
             fz += bend_flux(w, QZ + up, QZ + i, QZ + down, QZ + below, first, second)
-            first, second = w[TWIST + i - ONE], w[TWIST + i]
+            first, second = bends[TWIST, own - ONE], bends[TWIST, own]
             fx += twist_flux(w, QX + i, QX + down, first, second)
             fy += twist_flux(w, QY + i, QY + down, first, second)
             fz += twist_flux(w, QZ + i, QZ + down, first, second)
