@@ -108,7 +108,7 @@ def test_what_is_absent_is_what_vanishes(layout: str):
     assert (arrays.damping, arrays.bend_damping, arrays.forces) == (None, None, {})
     constraints = arrays.constraints
     if isinstance(constraints, GridConstraints):
-        assert constraints.diagonal is constraints.bend_down is constraints.across.impulse is None
+        assert constraints.diagonal is constraints.bend_down is constraints.twist is constraints.across.impulse is None
     else:
         assert constraints.bend is constraints.stretch.slack is None
     np.testing.assert_allclose(without, with_little, atol=1e-9)
