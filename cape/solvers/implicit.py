@@ -69,7 +69,6 @@ from motions.errors import ValueRangeError
 
 SUBSTEPS = 8  # per frame at 60 Hz, where none are asked for
 PRESSED = 0.1  # of the thickness
-FORCING = 0.1  # where none is asked for
 AT_START = 1e-3  # forcing, for the accelerations with which a frame begins
 ROUNDED = 4.0  # times a coordinate's last digit
 INNER = np.float32  # precision of the linear systems, whose solutions the next Newton step corrects
@@ -110,16 +109,14 @@ class ImplicitSolver(Solver):
         tolerance: a stage is solved when no vertex is corrected by more than this [m], nor one that is pressed onto a
             collider by more than 1e-4 m/s; what is left is far less, as Newton's method converges faster than linearly.
             In steps shorter than the usual ones it shrinks as their square, so that what is left is the same force.
-            None for `left_free` or `left_touching`.
-        left_free: what may be left to correct in a usual step [m] of cloth that can touch nothing. A method of order p
-            makes errors of h^(p+1) in the velocities of a step of h, and a vertex that is off by this has a velocity
-            off by this over b: it shrinks as h^(p+2), so that the order stays. What is left is foreseen from the rate
-            at which Newton steps shrink (Hairer and Wanner 1996, section IV.8).
-        left_touching: the tolerance of cloth that may touch something, whose impacts leave no order to keep.
-        forcing_free: the forcing of cloth that can touch nothing.
+            At its default it is that of cloth that may touch something, whose impacts leave no order to keep.
+        left_free: what may be left to correct in a usual step [m] of cloth that can touch nothing, at the default
+            tolerance. A method of order p makes errors of h^(p+1) in the velocities of a step of h, and a vertex that
+            is off by this has a velocity off by this over b: it shrinks as h^(p+2), so that the order stays. What is
+            left is foreseen from the rate at which Newton steps shrink (Hairer and Wanner 1996, section IV.8).
+        forcing_free: the forcing of such cloth, at the default forcing.
         iterations: Newton steps at most in a stage.
-        forcing: residual of a linear system, relative to its right hand side, at which it is solved well enough; None
-            for 0.1, or `forcing_free`.
+        forcing: residual of a linear system, relative to its right hand side, at which it is solved well enough.
         linear_iterations: of the conjugate gradients, at most in a Newton step.
     """
 
@@ -128,11 +125,10 @@ class ImplicitSolver(Solver):
     cost_growth: ClassVar[float] = 0.5
     stage: ClassVar[float]
     left_free: ClassVar[float]
-    left_touching: ClassVar[float]
     forcing_free: ClassVar[float]
-    tolerance: float | None = None
+    tolerance: float = 1e-6
     iterations: int = 40
-    forcing: float | None = None
+    forcing: float = 0.1
     linear_iterations: int = 500
 
     def __post_init__(self) -> None:
@@ -142,9 +138,9 @@ class ImplicitSolver(Solver):
             ValueRangeError: a setting is out of range.
         """
         super().__post_init__()
-        if self.tolerance is not None and not 0.0 < self.tolerance < math.inf:
+        if not 0.0 < self.tolerance < math.inf:
             raise ValueRangeError(f"tolerance must be positive and finite, not {self.tolerance}")
-        if self.forcing is not None and not 0.0 < self.forcing < 1.0:
+        if not 0.0 < self.forcing < 1.0:
             raise ValueRangeError(f"forcing must be above 0 and below 1, not {self.forcing}")
         for name in ("iterations", "linear_iterations"):
             if getattr(self, name) < 1:
@@ -248,11 +244,12 @@ class ImplicitSolver(Solver):
         """What stages are solved to, or the accelerations at the `start` of a frame."""
         contacts, dtype = thread.contacts, thread.running.state.x.dtype
         free = contacts.colliders is None and contacts.layers is None
-        follows = free and self.tolerance is None
-        usual = self.left_free if free else self.left_touching
-        forcing = self.forcing or (self.forcing_free if free else FORCING)
+        # What is asked for holds as it is; the defaults know better where no contact spoils the order.
+        usual = type(self)
+        follows = free and self.tolerance == usual.tolerance
+        forcing = self.forcing_free if free and self.forcing == usual.forcing else self.forcing
         return Settings(
-            tolerance=usual if self.tolerance is None else self.tolerance,
+            tolerance=self.left_free if follows else self.tolerance,
             power=int(self.order) + 2 if follows else 2,
             foreseen=follows,
             usual=self.stage / (60.0 * SUBSTEPS),
@@ -318,8 +315,7 @@ class BackwardEuler(ImplicitSolver):
     order: ClassVar[float] = 1.0
     stage: ClassVar[float] = 1.0
     left_free: ClassVar[float] = 3e-7
-    left_touching: ClassVar[float] = 1e-6
-    forcing_free: ClassVar[float] = FORCING
+    forcing_free: ClassVar[float] = 0.1
 
     def _step(self, thread: Thread, linker: Linker, contact: PenaltyContact | None) -> list[Use]:
         """One stage, from the step's start to its end."""
@@ -347,8 +343,8 @@ class TRBDF2(ImplicitSolver):
     order: ClassVar[float] = 2.0
     stage: ClassVar[float] = 0.5 * GAMMA
     left_free: ClassVar[float] = 3e-9
-    left_touching: ClassVar[float] = 1e-7
     forcing_free: ClassVar[float] = 0.01
+    tolerance: float = 1e-7
 
     def _step(self, thread: Thread, linker: Linker, contact: PenaltyContact | None) -> list[Use]:
         """A stage of the trapezoidal rule, one of the backward differentiation formula."""

@@ -213,3 +213,8 @@ def test_same_bits_again_and_on_two_threads(kind, name: str):
 def test_settings_out_of_range_are_refused(kind, setting: dict):
     with pytest.raises(ValueRangeError, match=next(iter(setting))):
         kind(**setting)
+
+
+def test_settings_that_nobody_chose_read_back_as_numbers():
+    assert (BackwardEuler().tolerance, BackwardEuler().forcing) == (1e-6, 0.1)
+    assert (TRBDF2().tolerance, TRBDF2().forcing) == (1e-7, 0.1)
