@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 GRAM_FORCE = 9.80665e-3  # N
 GRAVITY = 9.81  # m/s2, as FAST's own formulas have it
-FAST_LOADS = {"E5": 4.903, "E20": 19.61, "E100": 98.07}  # N/m
+FAST_LOADS = {"E5": 4.903, "E20": 19.61}  # N/m, of those that stretch is taken between
 CM = 1e-2  # m
 
 

@@ -88,8 +88,8 @@ def deepest_on_triangle(colliders, c, first, second, third, limit):
     way = max(distance + core, 0.1 * core)
     a, b, o = heights(distance, nx, ny, nz, x, y, z, first, second, third)
     planes, (low_u, low_v, bound) = lowest_of_one(a, b, o)
-    turn, promised, met = PROJECTING, 0.0, 0.0
-    p, q, r = u, v, w
+    turn, promised = PROJECTING, 0.0
+    p, q, r = meet_u, meet_v, meet_w = u, v, w
     for _ in range(STEPS):
         if distance - bound < SETTLED or (distance > limit and bound - limit > SURE * (distance - limit)):
             break
@@ -101,7 +101,7 @@ def deepest_on_triangle(colliders, c, first, second, third, limit):
             if promised < BEHIND * (distance - bound):
                 turn = CUTTING
         elif turn == MEETING:
-            p, q, r = u + met * (p - u), v + met * (q - v), w + met * (r - w)
+            p, q, r = meet_u, meet_v, meet_w
         if turn == CUTTING:
             p, q, r = low_u, low_v, max(1.0 - low_u - low_v, 0.0)
         tx, ty, tz = p * ax + q * bx + r * cx, p * ay + q * by + r * cy, p * az + q * bz + r * cz
@@ -117,6 +117,7 @@ def deepest_on_triangle(colliders, c, first, second, third, limit):
             turn = MEETING
             below, above = distance - (u * d + v * e + w * f), there - (distance - promised)
             met = below / (below + above)
+            meet_u, meet_v, meet_w = u + met * (p - u), v + met * (q - v), w + met * (r - w)
         if there < distance:
             u, v, w, x, y, z = p, q, r, tx, ty, tz
             distance, nx, ny, nz, a, b, o = there, mx, my, mz, d, e, f
