@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly, force_scratch, inertia_of
-from cape.cloth.cloth import GridCloth
 from cape.forces.base import Force
 from cape.forces.elastic import Elastic, Links
 from cape.forces.registry import forces_of
@@ -30,6 +29,7 @@ from cape.kernels.implicit.implicit import (
     Stage,
     System,
     Work,
+    aim_again,
     aim_backward,
     aim_bdf2,
     aim_newton_step,
@@ -63,6 +63,8 @@ from cape.kernels.program import Use
 from cape.kernels.self_contact.self_contact import PressedAcceleration, PressedForces, add_held, add_pressure
 from cape.kernels.state import Inertia
 from cape.solvers.base import Precision, Solver
+from cape.solvers.implicit_matrix import Layout, link_blocks, matrix_of
+from cape.solvers.multigrid import Levels, levels_of, multigrid
 from cape.solvers.order import Order, begin_frame, end_substep, forces, wait
 from cape.solvers.running import Running, Thread
 from motions.errors import ValueRangeError
@@ -75,14 +77,6 @@ INNER = np.float32  # precision of the linear systems, whose solutions the next 
 Array = NDArray[np.floating]
 
 
-class Layout(NamedTuple):
-    """Room for what the springs and bend springs give to the matrix: see `GridStiffness` and `MeshStiffness`."""
-
-    coefficients: Array
-    couplings: Array | None
-    ends: Array | None
-
-
 class ImplicitArrays(NamedTuple):
     """What the steps of a run share; of `room`, `scratch` and `counts` each thread has its own."""
 
@@ -91,6 +85,7 @@ class ImplicitArrays(NamedTuple):
     room: tuple[GridRoom | None, ...]
     matrix: Matrix
     layout: Layout
+    levels: Levels | None
     work: Work
     scratch: tuple[Array, ...]
     counts: NDArray[np.int64]
@@ -101,8 +96,8 @@ class ImplicitArrays(NamedTuple):
 class ImplicitSolver(Solver):
     """What the implicit solvers share: stable at any step and stiffness, at the price of a system of equations.
 
-    Each stage is solved by Newton's method, each of its linear systems by conjugate gradients with the inverse of each
-    vertex's own 3x3 block as preconditioner.
+    Each stage is solved by Newton's method, each of its linear systems by conjugate gradients with a multigrid
+    preconditioner, so that finer cloth takes no more iterations.
 
     Attributes:
         stage: b in A = M - b^2 df/dx of the method's stages, as a share of its step.
@@ -113,8 +108,8 @@ class ImplicitSolver(Solver):
         left_free: what may be left to correct in a usual step [m] of cloth that can touch nothing, at the default
             tolerance. A method of order p makes errors of h^(p+1) in the velocities of a step of h, and a vertex that
             is off by this has a velocity off by this over b: it shrinks as h^(p+2), so that the order stays. What is
-            left is foreseen from the rate at which Newton steps shrink (Hairer and Wanner 1996, section IV.8).
-        forcing_free: the forcing of such cloth, at the default forcing.
+            left is seen from how far the linear solver would go next, so that one Newton step may be enough.
+        forcing_free: the forcing of such cloth, at the default forcing; less will do where little is left.
         iterations: Newton steps at most in a stage.
         forcing: residual of a linear system, relative to its right hand side, at which it is solved well enough.
         linear_iterations: of the conjugate gradients, at most in a Newton step.
@@ -152,20 +147,21 @@ class ImplicitSolver(Solver):
         arrays = {force: force.arrays(assembly, dtype) for force in forces_of(assembly.scene)}
         matrix, layout = matrix_of(assembly, arrays[Elastic], INNER)
         chunks, size = -(-count // CHUNK), matrix.mass.size
-        ranks = len(assembly.ranks)
+        ranks, terms = len(assembly.ranks), np.zeros(size, INNER)
         return ImplicitArrays(
             forces=arrays,
             inertia=inertia_of(assembly, dtype),
             room=force_scratch(assembly, dtype),
             matrix=matrix,
             layout=layout,
+            levels=levels_of(assembly, matrix, link_blocks(matrix, layout, arrays[Elastic]), terms),
             work=Work(
                 start=np.zeros((6, count), dtype),
                 target=np.zeros((6, count), dtype),
                 old=np.zeros((3, count), dtype),
                 acceleration=np.zeros((3, count), dtype),
                 forces=np.zeros((3, count), dtype),
-                terms=np.zeros(size, INNER),
+                terms=terms,
                 sums=np.zeros((3, chunks)),
                 largest=np.zeros(chunks),
             ),
@@ -221,6 +217,7 @@ class ImplicitSolver(Solver):
         if pressure is not None:
             residual.append(Use(add_pressure, PressedForces(pressure, arrays.inertia.mass, arrays.work.forces)))
         linearise, product = self._matrix(thread, contact)
+        gathering, precondition = multigrid(thread, arrays.levels, linker)
         system = System(
             state=running.state,
             inertia=arrays.inertia,
@@ -228,15 +225,17 @@ class ImplicitSolver(Solver):
             work=arrays.work,
             settings=self._settings(thread, start=start),
             counts=arrays.counts[thread.rank],
-            slope=np.zeros(1),
+            found=np.zeros(2),
             residual=linker.program(residual),
-            linearise=linker.program(linearise),
+            linearise=linker.program([*linearise, *gathering]),
             product=linker.program(product),
+            precondition=linker.program(precondition),
         )
         return Problem(
             system=system,
             evaluate=linker.program([Use(evaluate, system)]),
             aim=linker.program([Use(aim_newton_step, system)]),
+            again=linker.program([Use(aim_again, system)]),
             pressing=np.zeros((3, 0), arrays.work.forces.dtype) if contact is None else contact.penalty.force,
         )
 
@@ -251,7 +250,7 @@ class ImplicitSolver(Solver):
         return Settings(
             tolerance=self.left_free if follows else self.tolerance,
             power=int(self.order) + 2 if follows else 2,
-            foreseen=follows,
+            closely=follows and not start,
             usual=self.stage / (60.0 * SUBSTEPS),
             digits=ROUNDED * float(np.finfo(dtype).eps),
             iterations=self.iterations,
@@ -315,7 +314,7 @@ class BackwardEuler(ImplicitSolver):
     order: ClassVar[float] = 1.0
     stage: ClassVar[float] = 1.0
     left_free: ClassVar[float] = 3e-7
-    forcing_free: ClassVar[float] = 0.1
+    forcing_free: ClassVar[float] = 0.01
 
     def _step(self, thread: Thread, linker: Linker, contact: PenaltyContact | None) -> list[Use]:
         """One stage, from the step's start to its end."""
@@ -333,8 +332,9 @@ class BackwardEuler(ImplicitSolver):
 class TRBDF2(ImplicitSolver):
     """TR-BDF2: second order and L-stable, of two stages a step (Bank et al. 1985; Hosea and Shampine 1996).
 
-    Linear systems of free cloth are solved so well that two Newton steps are enough for most stages. What a stage
-    leaves unbalanced becomes motion, as the method damps little: 1e-6 m at 1e8 N/m is some per cent of a swing.
+    Linear systems of free cloth are solved so well that one Newton step is enough for most stages, from where the
+    acceleration before would lead. What a stage leaves unbalanced becomes motion, as the method damps little: 1e-6 m at
+    1e8 N/m is some per cent of a swing.
     """
 
     name: ClassVar[str] = "tr_bdf2"
@@ -343,7 +343,7 @@ class TRBDF2(ImplicitSolver):
     order: ClassVar[float] = 2.0
     stage: ClassVar[float] = 0.5 * GAMMA
     left_free: ClassVar[float] = 3e-9
-    forcing_free: ClassVar[float] = 0.01
+    forcing_free: ClassVar[float] = 0.001
     tolerance: float = 1e-7
 
     def _step(self, thread: Thread, linker: Linker, contact: PenaltyContact | None) -> list[Use]:
@@ -378,56 +378,6 @@ class TRBDF2(ImplicitSolver):
         if balancing is not None:
             uses.append(Use(hold_back, balancing))
         return uses
-
-
-def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tuple[Matrix, Layout]:
-    """Lay out the matrix of a cloth, and what springs give to it; see `kernels.implicit.stiffness`."""
-    springs, cloth = assembly.springs, assembly.cloth
-    count = cloth.vertices
-    front = 0
-    if isinstance(cloth, GridCloth):
-        front = -(-2 * (cloth.columns + 1) // CHUNK) * CHUNK
-    size = front + -(-count // CHUNK) * CHUNK + front
-
-    def padded(values: NDArray[Any], outside: float = 0.0) -> Array:
-        rows = np.full((*values.shape[:-1], size), outside, dtype)
-        rows[..., front : front + count] = values
-        return rows
-
-    diagonal = np.zeros(count)
-    bends, ends, families = None, None, springs.families
-    coefficients = np.zeros((16, size), dtype)
-    if not isinstance(links.springs, GridSprings):
-        blocks, rows_of_links, lanes = links.springs.second.shape
-        coefficients = np.zeros((blocks, rows_of_links, 4, lanes), dtype)
-        ends = np.zeros(links.springs.forces.shape, dtype)
-    if families is not None and links.bends is not None:
-        rows, twist = [], families.twist_stiffness
-        np.add.at(diagonal, springs.bend_vertices, springs.bend_stiffness[:, None] * springs.bend_coefficients**2)
-        # An edge across is a side of the cells below and above it, one down of those to its right and left.
-        for offset, beside, stiffness in zip(
-            families.bend_offsets, families.bend_offsets[::-1], families.bend_stiffness, strict=True
-        ):
-            sides = twist + _behind(twist, beside)
-            rows += [-2.0 * (stiffness + _behind(stiffness, offset)) - sides, stiffness]
-        bends = padded(np.stack([*rows, twist]))
-    matrix = Matrix(
-        front=front,
-        bend_diagonal=padded(diagonal),
-        mass=padded(assembly.mass, 1.0),
-        free=padded(assembly.free),
-        own=np.zeros((6, size), dtype),
-        inverse=np.zeros((6, size), dtype),
-        vectors=np.zeros((5, 3, size), dtype),
-        damping=links.damping or 0.0,
-        bend_damping=links.bend_damping or 0.0,
-    )
-    return matrix, Layout(coefficients, bends, ends)
-
-
-def _behind(values: Array, offset: int) -> Array:
-    """For each vertex the value of the one that far before it, zero before the first."""
-    return np.concatenate([np.zeros(offset), values[: len(values) - offset]])
 
 
 def _penalty(assembly: Assembly, dtype: type[np.floating]) -> Penalty:

@@ -3,79 +3,17 @@
 import numpy as np
 import pytest
 
-from cape.cloth.cloth import Cloth
-from cape.cloth.fabric import Fabric
 from cape.forces.elastic import Elastic
 from cape.kernels import bones
 from cape.kernels.bones import Motion, MotionRoom
 from cape.kernels.implicit import conjugate_gradients, stages
-from cape.kernels.linking import Linker
-from cape.kernels.program import run
-from cape.kernels.state import State
-from cape.kernels.team import Team
-from cape.scene.attachments import Attachment
-from cape.scene.scene import Scene
-from cape.solvers import TRBDF2
-from cape.solvers.implicit import matrix_of
-from cape.solvers.running import Running, Thread
 from motions import quaternions
-from tests.support.scenes import Run, grid_cloth
-
-B = 2e-3  # s
-FABRIC = Fabric(stretch=300.0, shear=60.0, bend=1e-3, damping_time=1e-3, bend_damping_time=3e-3)
+from tests.support.linear import B, Linear
 
 
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(5)
-
-
-class Linear:
-    """A cloth of few vertices, its matrix at a state, and products with it in double precision."""
-
-    def __init__(self, layout: str, stretched: float, rng: np.random.Generator) -> None:
-        side = np.linspace(0.0, 0.3, 5)
-        cloth: Cloth = grid_cloth(side, side[:4], FABRIC)
-        if layout == "mesh":
-            cloth = Cloth.from_mesh(cloth.positions, cloth.triangles, fabric=FABRIC)
-        scene = Scene(cloth, [Attachment(vertices=np.array([0, 4]), bone="hand")])
-        solver = TRBDF2()
-        bare = Run(scene, solver)
-        self.assembly, self.count = bare.assembly, cloth.vertices
-        positions = stretched * bare.positions + 0.002 * rng.standard_normal(bare.positions.shape)
-        self.x = bare.assembly.inwards(positions).T.copy()
-        self.state = State(*self.x.copy(), *np.zeros((3, self.count)))
-        arrays = solver.arrays(bare.assembly)
-        self.matrix, room = matrix_of(bare.assembly, arrays.forces[Elastic], np.float64)
-        size = self.matrix.mass.size
-        arrays = arrays._replace(
-            matrix=self.matrix,
-            layout=room,
-            work=arrays.work._replace(terms=np.zeros(size)),
-            scratch=(np.zeros((3, size)),),
-        )
-        self.linker, self.team = Linker(), Team.alone(self.count)
-        thread = Thread(Running(bare.assembly, self.state, arrays), 0, 1, None)
-        self.system = solver._problem(thread, self.linker, None).system
-        self.linker.link()
-        self.own = slice(self.matrix.front, self.matrix.front + self.count)
-        run(self.system.linearise, self.team, 0, 1, B)
-
-    def times(self, p: np.ndarray) -> np.ndarray:
-        self.matrix.vectors[3][:, self.own] = p
-        run(self.system.product, self.team, 0, 1, B)
-        return self.matrix.vectors[4][:, self.own].copy()
-
-    def dense(self) -> np.ndarray:
-        """The matrix, rows and columns by coordinate and vertex."""
-        unit = np.eye(3 * self.count).reshape(-1, 3, self.count)
-        return np.stack([self.times(p).ravel() for p in unit])
-
-    def forces(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
-        for kept, given in zip(self.state, (*x, *v), strict=True):
-            kept[:] = given
-        run(self.system.residual, self.team, 0, 1, B)
-        return self.system.work.forces.copy()
 
 
 @pytest.mark.parametrize("layout", ["grid", "mesh"])
@@ -134,7 +72,7 @@ def test_conjugate_gradients_solve_the_system_of_the_free_vertices(layout: str, 
     vectors = linear.matrix.vectors
     vectors[1][:, linear.own] = r
     assert linear.system.settings.linear_iterations == 500
-    iterations, slope = conjugate_gradients.solve_linear(linear.system, B, 1e-12, linear.team)
+    iterations, slope, _ = conjugate_gradients.solve_linear(linear.system, B, 1e-12, 0.0, linear.team)
     solution = vectors[0][:, linear.own].copy()
     kept = np.tile(free, 3)
     expected = np.zeros(3 * linear.count)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from cape.kernels.bones import Motion, MotionRoom
 from cape.kernels.contact.penalty import SLIP, Penalty
-from cape.kernels.implicit.conjugate_gradients import CHUNK, dot_terms, solve_linear, sum_all
+from cape.kernels.implicit.conjugate_gradients import dot_terms, largest_of_all, solve_unless, sum_all
 from cape.kernels.implicit.stages import (
     begin_bdf2,
     begin_euler,
@@ -41,7 +41,7 @@ from cape.kernels.implicit.stages import (
     subtract_inertia,
 )
 from cape.kernels.implicit.stiffness import Matrix, copy
-from cape.kernels.jit import routine, unit
+from cape.kernels.jit import inlined, routine, unit
 from cape.kernels.program import Program, run
 from cape.kernels.solve.attachments import Attached, hold_rigidly
 from cape.kernels.state import Inertia, State
@@ -50,11 +50,12 @@ from cape.kernels.team import meet
 Array = NDArray[np.floating]
 
 GAMMA = 2.0 - math.sqrt(2.0)
-SLOPE = 0.9  # share of the first directional derivative up to which a step may overshoot
+BACK = 0.9  # share of the first directional derivative up to which a step may overshoot
 TRIES = 6  # of the line search
 NARROWEST, WIDEST = 0.1, 0.9  # share of the step at hand that the next try takes
 GUARD = 0.5  # share of the thickness that a step's end leaves free where contact forces did not
 EXACT = 0.1  # share of SLIP to which velocities are solved where contact presses: less costs iterations
+SLOPE, FIRST = 0, 1  # what is known of a Newton step, see `System`
 UNSOLVED, NEWTON, LINEAR, SHORTENED = 0, 1, 2, 3  # what is counted: stages not solved, iterations, shortened steps
 
 
@@ -74,13 +75,14 @@ class Work(NamedTuple):
 class Settings(NamedTuple):
     """See `ImplicitSolver`; the tolerance is for steps that are solved with a b of `usual` [s] or more.
 
-    In shorter ones it shrinks as their `power`, and the forcing as its own. Where `foreseen`, the tolerance is for what
-    a Newton step leaves, not for the step. `digits` is the share of a coordinate below which steps are rounding.
+    In shorter ones it shrinks as their `power`, and the forcing as its own. Linear systems may be solved `closely`,
+    until no vertex is moved by more than the tolerance, which is then for what a Newton step leaves, not for the step.
+    `digits` is the share of a coordinate below which steps are rounding.
     """
 
     tolerance: float
     power: int
-    foreseen: bool
+    closely: bool
     usual: float
     digits: float
     iterations: int
@@ -92,9 +94,10 @@ class Settings(NamedTuple):
 class System(NamedTuple):
     """The equations of a stage.
 
-    Three programs make them up: `residual` sets all forces but inertia, `linearise` the matrix at a state, `product` is
-    the matrix times a vector. `counts` (4,) and `slope` (1,), minus the directional derivative along a Newton step [J],
-    are a thread's own.
+    Four programs make them up: `residual` sets all forces but inertia, `linearise` the matrix at a state, `product` is
+    the matrix times a vector, `precondition` what is added to the residual times the inverse of its block diagonal, of
+    no unit where nothing is. `counts` (4,) and `found` (2,) are a thread's own: minus the directional
+    derivative along a Newton step [J], and how far the first step towards it goes, as a share of the tolerance.
     """
 
     state: State
@@ -103,14 +106,16 @@ class System(NamedTuple):
     work: Work
     settings: Settings
     counts: NDArray[np.int64]
-    slope: NDArray[np.float64]
+    found: NDArray[np.float64]
     residual: Program
     linearise: Program
     product: Program
+    precondition: Program
 
 
 class Problem(NamedTuple):
-    """A system and the programs that solve it: `evaluate` finds its residual, `aim` a Newton step.
+    """A system and the programs that solve it: `evaluate` finds its residual, `aim` a Newton step, and `again` one with
+    the matrix at hand.
 
     `pressing` (3, N) are the forces of contact [N], of no vertices where nothing presses.
     """
@@ -118,6 +123,7 @@ class Problem(NamedTuple):
     system: System
     evaluate: Program
     aim: Program
+    again: Program
     pressing: Array
 
 
@@ -181,12 +187,32 @@ def evaluate(g, team, substep, substeps, b):
 
 @unit
 def aim_newton_step(g, team, substep, substeps, b):
-    """Linearise at the state and solve for a Newton step."""
+    """Linearise at the state and solve for a Newton step, of which `substep` says how many have been taken."""
     run(g.linearise, team, 0, 1, b)
-    forcing = g.settings.forcing * min(1.0, b / g.settings.usual) ** g.settings.forcing_power
-    iterations, slope = solve_linear(g, b, forcing, team)
+    solve_for_step(g, b, substep > 0, team)
+
+
+@unit
+def aim_again(g, team, substep, substeps, b):
+    """Solve for a step with the matrix at hand."""
+    solve_for_step(g, b, True, team)
+
+
+@routine
+def solve_for_step(g, b, settled, team):
+    """Solve the linear system of a Newton step, unless the stage may be `settled`, and note what is known of it."""
+    settings = g.settings
+    forcing = settings.forcing * min(1.0, b / settings.usual) ** settings.forcing_power
+    tolerance = tolerance_of(settings, b) if settings.closely else 0.0
+    iterations, slope, first = solve_unless(g, b, forcing, tolerance, settled, team)
     g.counts[LINEAR] += iterations
-    g.slope[0] = slope
+    g.found[SLOPE], g.found[FIRST] = slope, first
+
+
+@inlined
+def tolerance_of(settings, b):
+    """What may be left to correct in a stage [m]."""
+    return settings.tolerance * min(1.0, b / settings.usual) ** settings.power
 
 
 @routine
@@ -211,16 +237,26 @@ def slope_here(lo, hi, system, team):
 
 @unit
 def solve_stage(g, team, substep, substeps, step):
-    """Solve a stage by Newton's method from the positions at hand; counts it if that does not converge."""
+    """Solve a stage by Newton's method from the positions at hand; counts it if that does not converge.
+
+    Where linear systems are solved closely, the second step has the matrix of the first: as a rule the first has
+    solved the stage, and the beginning of the second shows that it has.
+    """
     problem, b, lo, hi = g.problem, g.share * step, team.lo, team.hi
     system = problem.system
-    s, work, counts = system.state, system.work, system.counts
-    tolerance = system.settings.tolerance * min(1.0, b / system.settings.usual) ** system.settings.power
-    before = 0.0
+    s, work, counts, settings = system.state, system.work, system.counts, system.settings
+    tolerance = tolerance_of(settings, b)
+    again = False
     run(problem.evaluate, team, substep, 1, b)
-    for _ in range(system.settings.iterations):
-        run(problem.aim, team, substep, 1, b)
-        slope = system.slope[0]
+    for iteration in range(settings.iterations):
+        if again:
+            run(problem.again, team, substep, 1, b)
+        else:
+            run(problem.aim, team, iteration, 1, b)
+        # A step is taken in any case: what all stages left of slow motion would add up.
+        if iteration > 0 and system.found[FIRST] < 1.0:
+            return
+        slope = system.found[SLOPE]
         counts[NEWTON] += 1
         copy(s.x[lo:hi], work.old[0, lo:hi])
         copy(s.y[lo:hi], work.old[1, lo:hi])
@@ -233,61 +269,35 @@ def solve_stage(g, team, substep, substeps, step):
             step_along(lo, hi, share, system)
             run(problem.evaluate, team, substep, 1, b)
             here = slope_here(lo, hi, system, team)
-            if here >= -SLOPE * slope:
+            if here >= -BACK * slope:
                 break
-        ahead = share_ahead(slope, before) if system.settings.foreseen and share == 1.0 else 1.0
-        left = share * largest_correction(lo, hi, system, tolerance, ahead, problem.pressing, b)
-        if largest_of_all(lo, hi, left, work.largest, team) < 1.0:
-            return
-        before = slope
+        if settings.closely:
+            again = iteration == 0 and share == 1.0
+        else:
+            left = share * largest_correction(lo, hi, system, tolerance, problem.pressing, b)
+            if largest_of_all(lo, hi, left, work.largest, team) < 1.0:
+                return
     counts[UNSOLVED] += 1
 
 
 @routine
-def share_ahead(slope, before):
-    """What Newton steps to come will add up to, as a share of the last one, at most 1.
-
-    Steps that shrink by the factor theta each add up to theta / (1 - theta) of it (Hairer and Wanner 1996, "Solving
-    Ordinary Differential Equations II", eq. IV.8.10). Their lengths are taken in the norm of A, whose square along a
-    step d with A d = r is the `slope` r . d; `before` is that of the step before, 0 if there was none.
-    """
-    if not 0.0 < slope < 0.25 * before:
-        return 1.0
-    theta = math.sqrt(slope / before)
-    return theta / (1.0 - theta)
-
-
-@routine
-def largest_correction(lo, hi, system, tolerance, ahead, f, b):
+def largest_correction(lo, hi, system, tolerance, f, b):
     """Largest of the Newton steps of the vertices lo to hi, as a share of what may be left.
 
-    That is the `tolerance` [m] over `ahead`, or what positions are rounded by if that is more, and where contact
+    That is the `tolerance` [m], or what positions are rounded by if that is more, and where contact
     presses, with forces `f` (3, N) or of no vertices at all, at most what changes a velocity by little as against
     `SLIP`, on which friction depends; the linear systems are not solved much better for such a vertex than its pressure
     is.
     """
     s, d, front = system.state, system.matrix.vectors[0], system.matrix.front
     digits = system.settings.digits
-    largest = longest_share(d, front + lo, tolerance / ahead, digits, s.x[lo:hi], s.y[lo:hi], s.z[lo:hi])
+    largest = longest_share(d, front + lo, tolerance, digits, s.x[lo:hi], s.y[lo:hi], s.z[lo:hi])
     least = min(tolerance, EXACT * SLIP * b)
     if f.shape[1] > 0:
         for i in range(lo, hi):
             if f[0, i] != 0.0 or f[1, i] != 0.0 or f[2, i] != 0.0:
                 largest = max(largest, longest(d, front + i, front + i + 1) / least)
     return largest
-
-
-@routine
-def largest_of_all(lo, hi, value, largest, team):
-    """Largest of the values that the threads have; a NaN is larger than all."""
-    largest[lo // CHUNK : (hi + CHUNK - 1) // CHUNK] = value
-    meet(team)
-    result = 0.0
-    for chunk in range(largest.size):
-        if math.isnan(largest[chunk]):
-            return math.nan
-        result = max(result, largest[chunk])
-    return result
 
 
 @unit
@@ -387,9 +397,10 @@ def aim_backward(g, team, substep, substeps, step):
 @unit
 def aim_trapezoid(g, team, substep, substeps, step):
     """Begin the first stage of TR-BDF2."""
-    s, work, lo, hi = g.state, g.work, team.lo, team.hi
+    s, work, lo, hi, b = g.state, g.work, team.lo, team.hi, 0.5 * GAMMA * step
+    ahead = 2.0 * b * b if g.settings.closely else 0.0
     begin_trapezoid(
-        s.x.dtype.type(0.5 * GAMMA * step), work.acceleration[:, lo:hi], s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
+        s.x.dtype.type(b), s.x.dtype.type(ahead), work.acceleration[:, lo:hi], s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
         s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.start[:, lo:hi], work.target[:, lo:hi],
     )  # fmt: skip
 
@@ -398,8 +409,9 @@ def aim_trapezoid(g, team, substep, substeps, step):
 def aim_bdf2(g, team, substep, substeps, step):
     """Begin the second stage of TR-BDF2."""
     s, work, lo, hi = g.state, g.work, team.lo, team.hi
-    dtype, c1 = s.x.dtype.type, 1.0 / (GAMMA * (2.0 - GAMMA))
+    dtype, c1, rest = s.x.dtype.type, 1.0 / (GAMMA * (2.0 - GAMMA)), (1.0 - GAMMA) * step
+    ahead = rest * rest / (GAMMA * step) if g.settings.closely else 0.0
     begin_bdf2(
-        dtype(c1 - 1.0), dtype(c1), dtype((1.0 - GAMMA) * step), s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
+        dtype(c1 - 1.0), dtype(c1), dtype(rest), dtype(ahead), s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
         s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], work.start[:, lo:hi], work.target[:, lo:hi],
     )  # fmt: skip

@@ -37,8 +37,11 @@ def note_acceleration(rate, vx, vy, vz, target, acceleration):
 
 
 @kernel
-def begin_trapezoid(b, acceleration, x, y, z, vx, vy, vz, start, target):
-    """Keep the start, set xt and vt, and guess x at the end of the trapezoidal rule's 2 b seconds."""
+def begin_trapezoid(b, ahead, acceleration, x, y, z, vx, vy, vz, start, target):
+    """Keep the start, set xt and vt, and guess x at the end of the trapezoidal rule's 2 b seconds.
+
+    `ahead` [s2] is what accelerations count for in the guess: half the square of that time, or 0.
+    """
     x0, y0, z0, u0, v0, w0 = start[0], start[1], start[2], start[3], start[4], start[5]
     xt, yt, zt, ut, vt, wt = target[0], target[1], target[2], target[3], target[4], target[5]
     ax, ay, az = acceleration[0], acceleration[1], acceleration[2]
@@ -49,12 +52,17 @@ def begin_trapezoid(b, acceleration, x, y, z, vx, vy, vz, start, target):
         ut[i] = vx[i] + b * ax[i]
         vt[i] = vy[i] + b * ay[i]
         wt[i] = vz[i] + b * az[i]
-        x[i], y[i], z[i] = xt[i] + b * vx[i], yt[i] + b * vy[i], zt[i] + b * vz[i]
+        x[i] = xt[i] + b * vx[i] + ahead * ax[i]
+        y[i] = yt[i] + b * vy[i] + ahead * ay[i]
+        z[i] = zt[i] + b * vz[i] + ahead * az[i]
 
 
 @kernel
-def begin_bdf2(c0, c1, rest, x, y, z, vx, vy, vz, start, target):
-    """Set xt and vt from the start and the first stage, and guess x at the end of the `rest` of the step [s]."""
+def begin_bdf2(c0, c1, rest, ahead, x, y, z, vx, vy, vz, start, target):
+    """Set xt and vt from the start and the first stage, and guess x at the end of the `rest` of the step [s].
+
+    `ahead` [s] is what the first stage's v - vt count for in the guess: half the square of that time over b, or 0.
+    """
     x0, y0, z0, u0, v0, w0 = start[0], start[1], start[2], start[3], start[4], start[5]
     xt, yt, zt, ut, vt, wt = target[0], target[1], target[2], target[3], target[4], target[5]
     for i in range(x.size):
@@ -62,10 +70,10 @@ def begin_bdf2(c0, c1, rest, x, y, z, vx, vy, vz, start, target):
         xt[i] = x[i] + c0 * (x[i] - x0[i])
         yt[i] = y[i] + c0 * (y[i] - y0[i])
         zt[i] = z[i] + c0 * (z[i] - z0[i])
+        x[i] += rest * vx[i] + ahead * (vx[i] - ut[i])
+        y[i] += rest * vy[i] + ahead * (vy[i] - vt[i])
+        z[i] += rest * vz[i] + ahead * (vz[i] - wt[i])
         ut[i], vt[i], wt[i] = c1 * vx[i] - c0 * u0[i], c1 * vy[i] - c0 * v0[i], c1 * vz[i] - c0 * w0[i]
-        x[i] += rest * vx[i]
-        y[i] += rest * vy[i]
-        z[i] += rest * vz[i]
 
 
 @kernel
