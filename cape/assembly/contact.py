@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.self_contact import layers_of
-from cape.cloth.cloth import Cloth, MeshCloth, areas
+from cape.cloth.cloth import Cloth, areas
 from cape.kernels import store
 from cape.kernels.contact import shapes
 from cape.kernels.contact.faces import CHUNK, GROUP, SEEN
@@ -163,19 +163,14 @@ def _faces(colliders: Colliders, layouts: Sequence[Layout], cloth: Cloth) -> Fac
     )
 
 
-def _flat(cloth: Cloth) -> FloatArray:
-    """Corners of the triangles in the pattern [m], shape (T, 3, 2)."""
-    return cloth.corners if isinstance(cloth, MeshCloth) else cloth.pattern[cloth.triangles]
-
-
 def _longest_edge(cloth: Cloth) -> float:
-    flat = _flat(cloth)
+    flat = cloth.corners_at_rest
     return float(np.linalg.norm(flat - np.roll(flat, 1, axis=1), axis=2).max())
 
 
 def _cover(cloth: Cloth) -> FloatArray:
     """Distance of the point of each triangle that is farthest from its corners, from the nearest of them [m], (T,)."""
-    flat = _flat(cloth)
+    flat = cloth.corners_at_rest
     edges = np.sort(np.linalg.norm(flat - np.roll(flat, 1, axis=1), axis=2), axis=1)
     a, b, c = edges.T
     # No shape is so thin that an obtuse triangle's longest edge, half of which bounds it, would need to be cut finer.
