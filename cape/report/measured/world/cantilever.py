@@ -8,12 +8,11 @@ level by symmetry: so there is no clamp, whose place within a cell would be a ma
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
 from cape.cloth.fabrics import fabric as fabric_named
-from cape.report.measured.world import elastica, triangulations
+from cape.report.measured.world import elastica
+from cape.report.measured.world.pieces import strip_of
 from cape.report.measured.world.rest import HAND, relax, started
 from cape.report.measured.world.rows import Row
 from cape.run.simulation import Diverged
@@ -27,8 +26,6 @@ CELLS = 16  # along the overhang
 WIDTH = 0.025  # m, as in the standard
 CLOSE = 0.02  # degrees, which is 1e-3 of the length
 TRIES = 5
-GRID = "grid"
-VARIANTS = (GRID, *triangulations.KINDS)
 SOURCE = "heavy elastica, W g L^3 / B = {load:.4f} at 41.5 degrees, by a boundary value problem"
 
 
@@ -80,37 +77,3 @@ def chord_angle(fabric: Fabric, direction: str, variant: str, length: float) -> 
         out, _, up = places[free].mean(axis=0) - places[middle].mean(axis=0)
         angles.append(math.degrees(math.atan2(-up, abs(out))))
     return float(np.mean(angles)), rested
-
-
-def strip_of(fabric: Fabric, direction: str, variant: str, length: float, spacing: float, width: int) -> Cloth:
-    """A level strip from the origin along the world's X, `direction` of the fabric lying along it.
-
-    Args:
-        fabric: what it is made of.
-        direction: "warp", "weft", or "bias", at 45 degrees to both, which a grid can't have.
-        variant: "grid", or a kind of triangulation.
-        length: along X [m].
-        spacing: of the vertices [m].
-        width: in cells, along Y.
-    """
-    if variant == GRID:
-        return _grid_strip(fabric, direction, length, spacing, width)
-    piece = triangulations.strip(variant, length, width * spacing, spacing)
-    pattern = piece.points @ PATTERN_OF[direction]
-    places = np.column_stack([piece.points, np.zeros(len(pattern))])
-    return Cloth.from_mesh(places, piece.triangles, pattern=pattern, fabric=fabric)
-
-
-# Rows: where a strip's length and width point to in the pattern, along weft and warp.
-PATTERN_OF: dict[str, NDArray[np.float64]] = {
-    "warp": np.array([[0.0, 1.0], [-1.0, 0.0]]),
-    "weft": np.array([[1.0, 0.0], [0.0, 1.0]]),
-    "bias": np.array([[1.0, 1.0], [-1.0, 1.0]]) / math.sqrt(2.0),
-}
-
-
-def _grid_strip(fabric: Fabric, direction: str, length: float, spacing: float, width: int) -> Cloth:
-    long, wide, x, y = length, width * spacing, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-    if direction == "warp":
-        return Cloth.rectangle(width=wide, height=long, spacing=spacing, fabric=fabric, right=y, down=x)
-    return Cloth.rectangle(width=long, height=wide, spacing=spacing, fabric=fabric, right=x, down=y)

@@ -1,4 +1,4 @@
-"""The drape test of Cusick 1965 (BS 5058): a disc of cloth lies on a smaller one, and its shadow from above is measured.
+"""The drape test of Cusick (BS 5058): a disc of cloth lies on a smaller one, and its shadow from above is measured.
 
 The drape coefficient is the share of the free ring that is left in the shadow: 1 for a board, 0 for cloth that hangs
 straight down. The cloth is flat where the discs hold it, and falls from there, set out with a little noise.
@@ -30,7 +30,7 @@ TEST = "drape"
 DISC, PEDESTAL = 0.15, 0.09  # m, radii of cloth and support
 SPACING = 0.0075  # m
 NOISE = 1e-4  # m, standard deviation of the heights from which a cloth sets out
-FALLS = 150  # steps at most
+FALLS = 400  # steps at most, 4 s
 WITHIN = 1e-5  # m
 DIRECTIONS = 720  # in which the shadow's radius is measured
 DEEP = 0.05  # of the free ring's width, by which a fold stands out at least

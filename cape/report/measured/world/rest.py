@@ -1,8 +1,9 @@
 """Brings a cloth to rest with the implicit solver, in steps that grow as far as they are solved.
 
-From a state without velocity a step h of backward Euler ends where E(x) + |x - x0|^2 M / 2 h^2 is stationary, by algebra
-from its equations: it descends the energy of the cloth and its weight, and what is left of a mode of angular frequency w
-shrinks by 1 + w^2 h^2 in each. The rest so found is that of the forces which all solvers share, and of no step.
+From a state without velocity a step h of backward Euler ends where E(x) + |x - x0|^2 M / 2 h^2 is stationary, by
+algebra from its equations: it descends the energy of the cloth and its weight, and what is left of a mode of angular
+frequency w shrinks by 1 + w^2 h^2 in each. The rest so found is that of the forces which all solvers share, and of no
+step.
 """
 
 import numpy as np
@@ -14,8 +15,8 @@ from cape.scene.scene import Scene
 from cape.solvers import BackwardEuler
 
 SOLVER = BackwardEuler(substeps=1)
-FALLING = 0.02  # s, of the steps in which a cloth falls, at most
-CALMED = 0.9  # share of the velocity left after each of them
+FIRST = 0.02  # s
+FALLING = 0.01  # s, of the steps in which a cloth falls, at most: their own damping stands for the air's
 SLOW = 5e-5  # m, by which a cloth that has fallen moves in a step
 LONGEST = 0.2  # s
 SHORTER, LONGER = 0.5, 1.5  # next step after one that was hard to solve, and after any other
@@ -30,19 +31,20 @@ def started(scene: Scene) -> Simulation:
     return simulation
 
 
-def relax(simulation: Simulation, *, falls: int = 0, within: float = 1e-6, patience: int = 400) -> bool:
+def relax(simulation: Simulation, *, falls: int = 0, within: float = 1e-6, patience: int = 600) -> bool:
     """Bring a cloth to rest on a bone that stands still, and tell whether it came there.
 
     Args:
         simulation: by `started`.
-        falls: steps at most in which it keeps some of its velocity, so that what buckles does so as a falling cloth.
+        falls: steps at most in which it keeps its velocity, so that what buckles does so as a falling cloth.
         within: how far a vertex moves in the last step, of `LONGEST` [m].
         patience: steps at most.
 
     Raises:
         Diverged: it explodes.
     """
-    step, falling = FALLING, falls > 0
+    falling = falls > 0
+    step = FALLING if falling else FIRST
     for count in range(patience):
         before = simulation.positions
         simulation.step(STILL, step)
@@ -51,6 +53,6 @@ def relax(simulation: Simulation, *, falls: int = 0, within: float = 1e-6, patie
             return True
         hard = simulation.refined + simulation.unconverged + simulation.retried > 0
         falling = falling and count < falls and moved > SLOW
-        brake(simulation, CALMED if falling else 0.0)  # which also counts anew
+        brake(simulation, 1.0 if falling else 0.0)  # which also counts anew
         step = SHORTER * step if hard else min(LONGER * step, FALLING if falling else LONGEST)
     return False
