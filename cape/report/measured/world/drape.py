@@ -28,10 +28,10 @@ FloatArray = NDArray[np.float64]
 
 TEST = "drape"
 DISC, PEDESTAL = 0.15, 0.09  # m, radii of cloth and support
-SPACING = 0.0075  # m
+SPACING = 0.01  # m
 NOISE = 1e-4  # m, standard deviation of the heights from which a cloth sets out
-FALLS = 400  # steps at most, 4 s
-WITHIN = 1e-5  # m
+FALLS = 600  # steps at most, 3 s
+WITHIN = 1e-5  # m, of steps as well
 DIRECTIONS = 720  # in which the shadow's radius is measured
 DEEP = 0.05  # of the free ring's width, by which a fold stands out at least
 ALLOWED = 5.0  # points
@@ -119,7 +119,7 @@ def drape(fabric: Fabric, piece: triangulations.Piece, seed: int) -> Draped:
     heights[held] = 0.0
     places = np.column_stack([piece.points, heights])
     cloth = Cloth.from_mesh(places, piece.triangles, pattern=piece.points, fabric=fabric)
-    simulation = started(Scene(cloth, [attach(cloth, HAND, held)]))
+    simulation = started(Scene(cloth, [attach(cloth, HAND, held)]), tolerance=WITHIN)
     rested = relax(simulation, falls=FALLS, within=WITHIN)
     radii = shadow(simulation.positions, piece.triangles)
     return Draped(100.0 * coefficient(radii), folds(radii), rested)

@@ -14,9 +14,8 @@ from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 from cape.solvers import BackwardEuler
 
-SOLVER = BackwardEuler(substeps=1)
 FIRST = 0.02  # s
-FALLING = 0.01  # s, of the steps in which a cloth falls, at most: their own damping stands for the air's
+FALLING = 0.005  # s, of the steps in which a cloth falls, at most: their own damping stands for the air's
 SLOW = 5e-5  # m, by which a cloth that has fallen moves in a step
 LONGEST = 0.2  # s
 SHORTER, LONGER = 0.5, 1.5  # next step after one that was hard to solve, and after any other
@@ -24,14 +23,14 @@ HAND = "hand"  # the bone that holds the cloth, at the world's origin
 STILL = Pose(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]))
 
 
-def started(scene: Scene) -> Simulation:
-    """A simulation of a scene whose one bone, if any, stands still."""
-    simulation = Simulation(scene, solver=SOLVER, threads=1)
+def started(scene: Scene, *, tolerance: float = BackwardEuler.tolerance) -> Simulation:
+    """A simulation of a scene whose one bone, if any, stands still, its steps solved to a tolerance [m]."""
+    simulation = Simulation(scene, solver=BackwardEuler(substeps=1, tolerance=tolerance), threads=1)
     simulation.start(Pose(*(part[: len(scene.bones)] for part in STILL)))
     return simulation
 
 
-def relax(simulation: Simulation, *, falls: int = 0, within: float = 1e-6, patience: int = 600) -> bool:
+def relax(simulation: Simulation, *, falls: int = 0, within: float = 1e-6, patience: int = 900) -> bool:
     """Bring a cloth to rest on a bone that stands still, and tell whether it came there.
 
     Args:
