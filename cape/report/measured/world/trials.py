@@ -67,6 +67,9 @@ def _drapes() -> Iterator[Trial]:
         starts = drape.STARTS if name in both or measured else FEW_STARTS
         for variant in DISC_KINDS if name in both else (drape.SINGLE,):
             yield Trial(f"drape of {name}, {variant}", partial(drape.measure, name, variant, starts))
+        if name in both:
+            run = partial(drape.measure, name, drape.SINGLE, FEW_STARTS, spacing=drape.FINER)
+            yield Trial(f"drape of {name}, finer", run)
 
 
 def _tensions() -> Iterator[Trial]:
