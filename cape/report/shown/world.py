@@ -62,7 +62,7 @@ def _test(rows: list[Row]) -> list[str]:
         found.setdefault((row.subject, row.direction, row.quantity, row.unit), {})[row.variant] = row
     body = []
     for (subject, direction, quantity, unit), cells in found.items():
-        expected = next((row.expected for name, row in cells.items() if name != "apart"), math.nan)
+        expected = next((row.expected for name, row in cells.items() if name != drape.APART), math.nan)
         known = "" if math.isnan(expected) else _digits(expected)
         what = f"{quantity} [{unit}]" if unit else quantity
         body.append(
@@ -84,7 +84,7 @@ def _cell(row: Row | None) -> str:
     text = f"{_digits(row.simulated)}{spread}"
     if row.result != "finished":
         text += f" ({row.result})"
-    elif row.verdict and row.variant != "apart":
+    elif row.verdict and row.variant != drape.APART:
         off = f"{row.difference:+.2%}" if row.relative else f"{row.difference:+.3g}"
         text += f" ({off})"
     return f"{row.verdict}: {text}" if row.verdict else text

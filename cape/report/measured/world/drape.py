@@ -38,6 +38,7 @@ ALLOWED = 5.0  # points
 AGREE, AGREE_FOLDS = 2.0, 1.0  # points, folds: between triangulations
 STARTS = 10
 SINGLE = "random"  # the triangulation of tests on one alone
+APART = "apart"  # how far triangulations lie from each other
 NOT_MEASURED = "no measured drape of this fabric is known: its source gives none"
 GEOMETRY = "; the disc sizes are not in the transcription, and are taken as Cusick's"
 
@@ -102,7 +103,7 @@ def agreement(rows: list[Row]) -> list[Row]:
             broken = [row.result for row in mine if row.result != "finished"]
             result.append(
                 Row(
-                    test=TEST, subject=name, variant="apart", quantity=quantity, unit=mine[0].unit,
+                    test=TEST, subject=name, variant=APART, quantity=quantity, unit=mine[0].unit,
                     simulated=max(values) - min(values), starts=sum(row.starts for row in mine), expected=0.0,
                     allowed=allowed, result=broken[0] if broken else "finished",
                     source="a fabric's drape does not depend on its triangulation",
