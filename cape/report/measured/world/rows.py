@@ -2,13 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
+from typing import ClassVar
 
 from cape.bench.figures import Figures
 from cape.report.measured.stability import DEGRADES, FAILS, PASSES
-
-DIGITS = 7
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +30,7 @@ class Row(Figures):
         source: where the expected figure comes from; why there is none.
     """
 
+    digits: ClassVar[int] = 7  # enough for differences from what was expected
     test: str
     subject: str
     direction: str = ""
@@ -47,10 +46,6 @@ class Row(Figures):
     result: str = "finished"
     source: str
 
-    def as_json(self) -> dict[str, Any]:
-        """The figures for a JSON object, with digits enough for their differences; None for what is not a number."""
-        return {name: _rounded(value) for name, value in asdict(self).items()}
-
     @property
     def difference(self) -> float:
         """How far off it is, as `allowed` is given."""
@@ -65,12 +60,6 @@ class Row(Figures):
         if math.isnan(self.expected) or math.isnan(self.allowed):
             return ""
         return PASSES if abs(self.difference) <= self.allowed else DEGRADES
-
-
-def _rounded(value: Any) -> Any:
-    if isinstance(value, float):
-        return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
-    return value
 
 
 def mean(values: Sequence[float]) -> float:
