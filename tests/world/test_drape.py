@@ -62,7 +62,7 @@ def test_cloth_as_stiff_as_a_board_lies_flat_and_a_start_is_always_the_same():
     assert found[0] == found[1]
     assert found[0].rested
     # A strip as long as the ring is wide sags by W g l^4 / 8 B = 0.16 mm; what that takes of 6 cm is far below 1e-3,
-    # and the outline's polygon lacks 1 - sin(x) / x = 7e-4 of its disc, x = 2 pi / 94 being a corner's angle.
+    # and the outline's polygon lacks 1 - sin(x) / x = 4e-4 of its disc, x = 2 pi / 126 being a corner's angle.
     assert found[0].coefficient == pytest.approx(100.0, abs=0.2)
 
 

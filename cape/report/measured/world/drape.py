@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 
 TEST = "drape"
 DISC, PEDESTAL = 0.15, 0.09  # m, radii of cloth and support
-SPACING, FINER = 0.01, 0.0075  # m, of all drapes, and of some to tell what the spacing is worth
+SPACING, FINER = 0.0075, 0.0055  # m, of all drapes, and of some to tell what the spacing is worth
 NOISE = 1e-4  # m, standard deviation of the heights from which a cloth sets out
 FALLS = 600  # steps at most, 3 s
 WITHIN = 1e-5  # m, of steps as well

@@ -14,7 +14,7 @@ from motions.errors import UnknownNameError
 
 # Cut from meshes too, besides the softest and the stiffest: one that bends and stretches by its threads most unlike.
 UNEVEN = "tablecloth"
-FEW_STARTS = 3  # of drapes that nothing is expected of
+FEW_STARTS = 2  # of drapes that nothing is expected of
 DIRECTIONS = ("warp", "weft")
 
 
