@@ -292,11 +292,14 @@ def report(
         list[str] | None, typer.Option("--scene", help="Only this standard scene; may be repeated.")
     ] = None,
     solver: Annotated[list[str] | None, typer.Option("--solver", help="Only this solver; may be repeated.")] = None,
+    only: Annotated[
+        str | None, typer.Option("--only", help="One section alone: scenes, stress, spacings, energy or world.")
+    ] = None,
 ) -> int:
     """Measure error against run time of every solver: a page, diagrams, report.json, and recordings side by side."""
     from cape.cli.commands.report import report as measure
 
-    return measure(output=output, quick=quick, scenes=tuple(scene or ()), solvers=tuple(solver or ()))
+    return measure(output=output, quick=quick, scenes=tuple(scene or ()), solvers=tuple(solver or ()), only=only)
 
 
 def _split(layers: str | None) -> list[str] | None:
