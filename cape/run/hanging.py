@@ -60,6 +60,15 @@ class Place(NamedTuple):
     hold: tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]] | None
 
 
+class Frame(NamedTuple):
+    """All that a cloth goes on from after a frame: a moment, where its origin and the bones are, and what they hold."""
+
+    moment: Moment
+    origin: FloatArray
+    pose: Pose
+    hold: tuple[NDArray[np.floating], ...]
+
+
 class Hanging:
     """A cloth put on, at rest at first.
 
@@ -129,6 +138,10 @@ class Hanging:
     def own_choice(self, dt: float, *, strained: bool = False) -> int:
         """Substeps in `dt` [s] that the solver would choose, whatever was asked for."""
         return replace(self._solver, substeps=None).choose_substeps(self._running, dt, strained=strained)
+
+    def toward_limit(self, dt: float, substeps: int) -> Solver:
+        """What leads soonest to where shorter steps would lead than `substeps` in `dt` [s]."""
+        return self._solver.toward_limit(self._running, dt, substeps)
 
     def change_solver(self, solver: Solver) -> None:
         """Go on with another solver from where the cloth is."""
@@ -321,6 +334,20 @@ class Hanging:
         self._pinched[:] = before.pinched
         if self.assembly.layers is not None and before.layers is not None:
             self_contact.put_back(self.assembly.layers, before.layers)
+
+    def frame(self) -> Frame:
+        """A copy of all that the cloth goes on from."""
+        held = self.assembly.attached
+        hold = () if held is None else (held.points.copy(), held.lift.copy(), held.drift.copy())
+        return Frame(self.moment(), self.origin, self.pose, hold)
+
+    def go_back_to(self, frame: Frame) -> None:
+        """Put all that back, in the precision of the solver that there is now."""
+        self.restore(frame.moment)
+        self.origin, self.pose = frame.origin, frame.pose
+        held = self.assembly.attached
+        if held is not None:
+            held.points[:], held.lift[:], held.drift[:] = frame.hold
 
     @contextmanager
     def taken_back(self) -> Iterator[Moment]:

@@ -1,7 +1,7 @@
 """Symplectic Euler: v += dt a, then x += dt v with the new v."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -77,6 +77,11 @@ class SymplecticEuler(Solver):
         if self.precision is None and self.margin * _stable_step(assembly) <= SHORTEST_SINGLE_STEP:
             return np.float64
         return super().dtype(assembly)
+
+    def in_steps(self, substeps: int, duration: float) -> "SymplecticEuler":
+        """The same with so many steps in a frame of `duration` [s], in double precision where they are too short."""
+        precision = "double" if duration / substeps <= SHORTEST_SINGLE_STEP else self.precision
+        return replace(self, substeps=substeps, precision=precision)
 
     def arrays(self, assembly: Assembly) -> EulerArrays:
         """Convert the forces and find the largest stable step."""

@@ -140,7 +140,7 @@ def _facts(take: Take, scene: Scene, bones: int, notes: list[str], path: Path) -
         "hitboxes": sum(collider.bone is not None for collider in take.colliders),
         "solver": take.solver,
         "substeps": take.substeps,
-        "step_error": step_error_facts(take, scene),
+        "step_error": step_error_facts(take),
         "compile_s": round(take.compile_s, 3),
         "settle_s": round(take.settle_s, 3),
         "solve_s": round(take.solve_s, 3),
