@@ -14,7 +14,8 @@ from cape.forces.base import Force
 from cape.forces.elastic import Elastic, Links
 from cape.forces.registry import forces_of
 from cape.kernels.cloth.grid import GridBends, GridRoom, GridSprings
-from cape.kernels.cloth.mesh import MeshBends
+from cape.kernels.cloth.membrane import MembraneForces, MeshMembrane
+from cape.kernels.cloth.mesh_bending import MeshBends
 from cape.kernels.contact.penalty import Penalty, PenaltyContact, find_touchable, press_colliders
 from cape.kernels.contact.units import note_motion
 from cape.kernels.implicit.conjugate_gradients import CHUNK
@@ -44,7 +45,21 @@ from cape.kernels.implicit.implicit import (
     place_bones,
     solve_stage,
 )
-from cape.kernels.implicit.mesh_stiffness import MeshStiffness, add_mesh_diagonal, linearise_mesh, multiply_mesh
+from cape.kernels.implicit.membrane_stiffness import (
+    MembraneStiffness,
+    add_membrane_diagonal,
+    linearise_membrane,
+    multiply_membrane,
+)
+from cape.kernels.implicit.mesh_stiffness import (
+    MeshBendStiffness,
+    MeshStiffness,
+    add_mesh_bend_diagonal,
+    add_mesh_diagonal,
+    linearise_mesh,
+    multiply_mesh,
+    multiply_mesh_bends,
+)
 from cape.kernels.implicit.stiffness import (
     Blocks,
     GridStiffness,
@@ -76,11 +91,15 @@ Array = NDArray[np.floating]
 
 
 class Layout(NamedTuple):
-    """Room for what the springs and bend springs give to the matrix: see `GridStiffness` and `MeshStiffness`."""
+    """What springs, or a membrane, and bend springs give to the matrix: see `GridStiffness`, `MeshStiffness`,
+    `MembraneStiffness` and `MeshBendStiffness`. Of a membrane `coefficients` are its tension, `ends` what p changes."""
 
     coefficients: Array
-    couplings: Array | None
-    ends: Array | None
+    couplings: Array | None = None
+    ends: Array | None = None
+    membrane: MeshMembrane | None = None
+    bends: MeshBends | None = None
+    diagonal: Array | None = None
 
 
 class ImplicitArrays(NamedTuple):
@@ -277,14 +296,24 @@ class ImplicitSolver(Solver):
                 arrays.scratch[thread.rank],
             )  # fmt: skip
             first, last, product = Use(linearise_springs, grid), Use(add_grid_diagonal, grid), Use(multiply_grid, grid)
-        else:
-            assert not isinstance(links.bends, GridBends)
+        elif isinstance(links.springs, MeshMembrane):
             assert layout.ends is not None
-            mesh = MeshStiffness(
-                running.state, links.springs, links.bends, arrays.matrix, layout.coefficients, layout.ends
-            )
+            assert layout.membrane is not None
+            still = MembraneForces(running.state, links.springs, None, arrays.work.forces)
+            sheet = MembraneStiffness(still, layout.membrane, arrays.matrix, layout.coefficients, layout.ends)
+            first, last = Use(linearise_membrane, sheet), Use(add_membrane_diagonal, sheet)
+            product = Use(multiply_membrane, sheet)
+        else:
+            assert layout.ends is not None
+            mesh = MeshStiffness(running.state, links.springs, arrays.matrix, layout.coefficients, layout.ends)
             first, last, product = Use(linearise_mesh, mesh), Use(add_mesh_diagonal, mesh), Use(multiply_mesh, mesh)
-        return [first, *wait(thread), *own, start, last, invert], [Use(multiply_own, arrays.matrix), product]
+        diagonals, products = [last], [Use(multiply_own, arrays.matrix), product]
+        if layout.bends is not None:
+            assert layout.diagonal is not None
+            bends = MeshBendStiffness(layout.bends, arrays.matrix, layout.diagonal)
+            diagonals.append(Use(add_mesh_bend_diagonal, bends))
+            products.append(Use(multiply_mesh_bends, bends))
+        return [first, *wait(thread), *own, start, *diagonals, invert], products
 
     def _place(self, thread: Thread, at: float) -> list[Use]:
         """Place the bones, and what they hold, at a share of the step."""
@@ -395,12 +424,20 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
         return rows
 
     diagonal = np.zeros(count)
-    bends, ends, families = None, None, springs.families
-    coefficients = np.zeros((16, size), dtype)
-    if not isinstance(links.springs, GridSprings):
+    families = springs.families
+    layout = Layout(np.zeros((16, size), dtype))
+    if isinstance(links.springs, MeshMembrane):
+        inner = in_precision(links.springs, dtype)
+        layout = Layout(np.zeros_like(inner.strains), ends=np.zeros_like(inner.shape), membrane=inner)
+    elif not isinstance(links.springs, GridSprings):
         blocks, rows_of_links, lanes = links.springs.second.shape
-        coefficients = np.zeros((blocks, rows_of_links, 4, lanes), dtype)
         ends = np.zeros(links.springs.forces.shape, dtype)
+        layout = Layout(np.zeros((blocks, rows_of_links, 4, lanes), dtype), ends=ends)
+    if isinstance(links.bends, MeshBends):
+        # Rows are zero in sum.
+        row = np.repeat(np.arange(count), np.diff(links.bends.start))
+        sums = np.bincount(row, links.bends.weight, count)
+        layout = layout._replace(bends=in_precision(links.bends, dtype), diagonal=padded(sums))
     if families is not None and links.bends is not None:
         rows, twist = [], families.twist_stiffness
         np.add.at(diagonal, springs.bend_vertices, springs.bend_stiffness[:, None] * springs.bend_coefficients**2)
@@ -410,7 +447,7 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
         ):
             sides = twist + _behind(twist, beside)
             rows += [-2.0 * (stiffness + _behind(stiffness, offset)) - sides, stiffness]
-        bends = padded(np.stack([*rows, twist]))
+        layout = layout._replace(couplings=padded(np.stack([*rows, twist])))
     matrix = Matrix(
         front=front,
         bend_diagonal=padded(diagonal),
@@ -422,7 +459,20 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
         damping=links.damping or 0.0,
         bend_damping=links.bend_damping or 0.0,
     )
-    return matrix, Layout(coefficients, bends, ends)
+    return matrix, layout
+
+
+def in_precision(record: Any, dtype: type[np.floating]) -> Any:
+    """A record of a mesh in another precision, with room of its own; a word of its room holds two numbers."""
+    word = np.uint64 if np.dtype(dtype) == np.float32 else np.complex128
+
+    def converted(name: str, value: Any) -> Any:
+        if name in ("words", "room"):
+            return np.zeros(value.shape, word)
+        is_real = isinstance(value, np.ndarray) and value.dtype.kind == "f"
+        return value.astype(dtype) if is_real else value
+
+    return type(record)(*(converted(*item) for item in record._asdict().items()))
 
 
 def _behind(values: Array, offset: int) -> Array:

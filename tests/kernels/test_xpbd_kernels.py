@@ -98,7 +98,7 @@ def test_bends_one_after_the_other(rng: np.random.Generator, sweeps: int):
     kept = (bends.slack, *bends.impulse) if sweeps > 1 else (None,) * 4
     u = v.copy()
     for _ in range(sweeps):
-        mesh.bend_listed(vertices, coefficients, STEP + TAU, bends.gain, *kept, weights, *x, *u)
+        mesh.bend_listed(vertices, coefficients[:, None], STEP + TAU, bends.gain, *kept, weights, *x, *u)
         for k in range(3):
             book.bend(vertices[k].tolist(), coefficients[k], stiffness[k], TAU)
     np.testing.assert_allclose(x + STEP * u, book.p, atol=ROUNDING)

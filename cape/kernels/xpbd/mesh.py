@@ -14,18 +14,27 @@ from cape.kernels.jit import inlined, kernel, routine, unit
 from cape.kernels.state import State
 from cape.kernels.team import meet, share
 from cape.kernels.xpbd.formulas import TINY, Constraints, bend_time, change_of, forget, pull_together, set_gains
+from cape.kernels.xpbd.membrane import MembraneConstraints, forget_membrane, stretch_membrane
 
 Array = NDArray[np.floating]
 
 
-class MeshConstraints(NamedTuple):
-    """Constraints of a mesh sorted by colour: springs between two vertices each (E,), bend springs on four (K, 4);
-    each colour goes from its place in `starts` to the next."""
+class SpringConstraints(NamedTuple):
+    """Springs between two vertices each (E,), sorted by colour; each colour goes from its place in `starts` to the
+    next."""
 
     first: NDArray[np.uint32]
     second: NDArray[np.uint32]
     starts: NDArray[np.int64]
     stretch: Constraints
+
+
+class MeshConstraints(NamedTuple):
+    """Constraints of a mesh: springs or a membrane, None for the other, and R bend springs on each of K patches of M
+    vertices (K, M), with coefficients (K, R, M), sorted by colour like the springs; their `bend` is flat, K R long."""
+
+    springs: SpringConstraints | None
+    membrane: MembraneConstraints | None
     vertices: NDArray[np.uint32]
     coefficients: Array
     bend_starts: NDArray[np.int64]
@@ -47,7 +56,7 @@ class MeshSweeps(NamedTuple):
 def prepare_mesh(g, team, substep, substeps, step):
     """Set all gains for a step."""
     s, c = g.state, g.constraints
-    prepare_list(c.stretch, typed(step, s.x), typed(g.damping, s.x), team)
+    prepare_springs(c.springs, typed(step, s.x), typed(g.damping, s.x), team)
     prepare_list(c.bend, typed(step, s.x), typed(g.bend_damping, s.x), team)
     meet(team)
 
@@ -58,11 +67,13 @@ def solve_mesh(g, team, substep, substeps, step):
     s, c = g.state, g.constraints
     h, tau = typed(step, s.x), typed(g.damping, s.x)
     time = bend_time(h, typed(g.bend_damping, s.x))
-    forget_list(c.stretch, team)
+    forget_springs(c.springs, team)
+    forget_membrane(c.membrane, team)
     forget_list(c.bend, team)
     meet(team)
     for _ in range(g.iterations):
-        stretch_colours(g, h, tau, team)
+        stretch_colours(g, c.springs, h, tau, team)
+        stretch_membrane(c.membrane, h, tau, g.inverse_mass, s, team)
         bend_colours(g, c.bend, time, team)
 
 
@@ -80,25 +91,29 @@ def stretch_listed(
 
 @kernel
 def bend_listed(vertices, coefficients, time, gain, slack, impulse_x, impulse_y, impulse_z, w, x, y, z, vx, vy, vz):
-    """C(p) = sum c_a p_a on four listed vertices (K, 4), along all three coordinates; `time` is h + tau."""
-    for k in range(gain.size):
-        bend_one(k, vertices, coefficients, time, gain, slack, impulse_x, w, x, vx)
-        bend_one(k, vertices, coefficients, time, gain, slack, impulse_y, w, y, vy)
-        bend_one(k, vertices, coefficients, time, gain, slack, impulse_z, w, z, vz)
+    """C(p) = sum c_a p_a for each row of coefficients (K, R, M) on the listed vertices (K, M), along all three
+    coordinates; `time` is h + tau."""
+    rows = coefficients.shape[1]
+    for k in range(vertices.shape[0]):
+        for r in range(rows):
+            members, row, place = vertices[k], coefficients[k, r], k * rows + r
+            bend_one(place, members, row, time, gain, slack, impulse_x, w, x, vx)
+            bend_one(place, members, row, time, gain, slack, impulse_y, w, y, vy)
+            bend_one(place, members, row, time, gain, slack, impulse_z, w, z, vz)
 
 
 @inlined
-def bend_one(k, vertices, coefficients, time, gain, slack, impulse, w, p, v):
+def bend_one(k, members, row, time, gain, slack, impulse, w, p, v):
     """One bend constraint along one coordinate."""
-    a, b, c, d = vertices[k, 0], vertices[k, 1], vertices[k, 2], vertices[k, 3]
-    ca, cb, cc, cd = coefficients[k, 0], coefficients[k, 1], coefficients[k, 2], coefficients[k, 3]
-    va, vb, vc, vd = v[a], v[b], v[c], v[d]
-    bend = ca * (p[a] + time * va) + cb * (p[b] + time * vb) + cc * (p[c] + time * vc) + cd * (p[d] + time * vd)
+    first = members[0]
+    bend = row[0] * (p[first] + time * v[first])
+    for m in range(1, row.size):
+        j = members[m]
+        bend += row[m] * (p[j] + time * v[j])
     change = change_of(gain[k] * bend, k, slack, impulse)
-    v[a] = va - change * ca * w[a]
-    v[b] = vb - change * cb * w[b]
-    v[c] = vc - change * cc * w[c]
-    v[d] = vd - change * cd * w[d]
+    for m in range(row.size):
+        j = members[m]
+        v[j] = v[j] - change * row[m] * w[j]
 
 
 @routine
@@ -122,17 +137,32 @@ def forget_list(constraints, team):
 
 
 @routine
-def stretch_colours(g, step, damping, team):
-    """Go through all springs, colour by colour."""
-    s, c, w = g.state, g.constraints, g.inverse_mass
-    springs = c.stretch
-    for colour in range(c.starts.size - 1):
-        lo, hi = share(c.starts[colour], c.starts[colour + 1], team)
-        stretch_listed(
-            c.first[lo:hi], c.second[lo:hi], step, damping, typed(TINY, s.x), springs.gain[lo:hi], springs.rest[lo:hi],
-            part(springs.slack, lo, hi), part(springs.impulse, lo, hi), w, s.x, s.y, s.z, s.vx, s.vy, s.vz,
-        )  # fmt: skip
-        meet(team)
+def prepare_springs(springs, step, damping, team):
+    """Set this thread's share of the springs' gains."""
+    if springs is not None:
+        prepare_list(springs.stretch, step, damping, team)
+
+
+@routine
+def forget_springs(springs, team):
+    """Set this thread's share of the springs' impulses to zero, where they are kept at all."""
+    if springs is not None:
+        forget_list(springs.stretch, team)
+
+
+@routine
+def stretch_colours(g, c, step, damping, team):
+    """Go through all springs, if there are any, colour by colour."""
+    if c is not None:
+        s, w, springs = g.state, g.inverse_mass, c.stretch
+        for colour in range(c.starts.size - 1):
+            lo, hi = share(c.starts[colour], c.starts[colour + 1], team)
+            stretch_listed(
+                c.first[lo:hi], c.second[lo:hi], step, damping, typed(TINY, s.x), springs.gain[lo:hi],
+                springs.rest[lo:hi], part(springs.slack, lo, hi), part(springs.impulse, lo, hi), w,
+                s.x, s.y, s.z, s.vx, s.vy, s.vz,
+            )  # fmt: skip
+            meet(team)
 
 
 @routine
@@ -140,11 +170,13 @@ def bend_colours(g, bends, time, team):
     """Go through all bend constraints, colour by colour."""
     s, c = g.state, g.constraints
     if bends is not None:
+        rows = c.coefficients.shape[1]
         for colour in range(c.bend_starts.size - 1):
             lo, hi = share(c.bend_starts[colour], c.bend_starts[colour + 1], team)
+            a, e = rows * lo, rows * hi
             bend_listed(
-                c.vertices[lo:hi], c.coefficients[lo:hi], time, bends.gain[lo:hi], part(bends.slack, lo, hi),
-                part(row(bends.impulse, 0), lo, hi), part(row(bends.impulse, 1), lo, hi),
-                part(row(bends.impulse, 2), lo, hi), g.inverse_mass, s.x, s.y, s.z, s.vx, s.vy, s.vz,
+                c.vertices[lo:hi], c.coefficients[lo:hi], time, bends.gain[a:e], part(bends.slack, a, e),
+                part(row(bends.impulse, 0), a, e), part(row(bends.impulse, 1), a, e),
+                part(row(bends.impulse, 2), a, e), g.inverse_mass, s.x, s.y, s.z, s.vx, s.vy, s.vz,
             )  # fmt: skip
             meet(team)
