@@ -238,9 +238,11 @@ def _corrected(local: FloatArray, inside: NDArray[np.bool_], mean: FloatArray) -
     cheap = np.where(inside, 1.0 / np.maximum((local**2).sum(axis=2), 1e-12) ** (FALL // 2), 0.0)
     matrix = np.einsum("nma,nm,nmb->nab", basis, cheap, basis)
     matrix[~clear] = np.eye(6)
-    missing = -np.einsum("nma,nm->na", basis, mean)
-    missing[:, 2] += 1.0
-    change = cheap * np.einsum("nma,na->nm", basis, np.linalg.solve(matrix, missing[..., None])[..., 0])
+    change = np.zeros_like(mean)
+    for _ in range(2):  # the second for the digits that the normal equations lose
+        missing = -np.einsum("nma,nm->na", basis, mean + change)
+        missing[:, 2] += 1.0
+        change += cheap * np.einsum("nma,na->nm", basis, np.linalg.solve(matrix, missing[..., None])[..., 0])
     # Where both triangles make a parallelogram there is nothing to correct but rounding.
     change[~clear | (np.abs(change) < ROUNDING).all(axis=1)] = 0.0
     return mean + change, clear

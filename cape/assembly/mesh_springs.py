@@ -38,7 +38,7 @@ NEGLIGIBLE = 1e-3
 SWEEPS = 200  # of the fit
 RIDGE = 1e-6  # of the fit, relative: shares stiffness evenly between springs that do the same
 MISSED = 0.01  # of the fabric's stiffness, from which on springs are no longer as good as a membrane
-NOTHING = 1e-9  # relative size of a curvature's coefficients below which they are rounding
+NOTHING = 1e-9  # size of a curvature's coefficients, times the area, below which they are rounding
 SHARPNESS = 1e-6  # squared relative misfit at which a patch gets half of the area it gets when it is exact
 
 
@@ -179,5 +179,5 @@ def _bends(cloth: MeshCloth, edges: Edges, area: FloatArray) -> tuple[IntArray, 
     coefficients = coefficients.reshape(len(stiffness), -1)
     # What is left of curvatures that no vertices tell is rounding.
     size = np.abs(coefficients).sum(axis=1) * np.repeat(area, 3)
-    kept = (stiffness > 0.0) & (size > NOTHING * size.max())
+    kept = (stiffness > 0.0) & (size > NOTHING)
     return np.repeat(vertices, 3, axis=0)[kept], coefficients[kept], stiffness[kept]
