@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.kernels.absent import typed
-from cape.kernels.jit import kernel, unit
+from cape.kernels.jit import intrinsic, kernel, unit
 from cape.kernels.state import State
 from cape.kernels.team import meet
 
@@ -74,19 +74,71 @@ def pack_vectors(lo, hi, x, y, z, packed):
 def add_rows(lo, hi, scale, start, others, weight, packed, fx, fy, fz):
     """Add `scale` times the sums of weight (q_j - q_i) over the others of vertices lo to hi, q being what is packed."""
     for i in range(lo, hi):
-        at = np.uint64(SIDE * i)
-        x, y, z = packed[at], packed[at + np.uint64(1)], packed[at + np.uint64(2)]
-        ax = ay = az = bx = by = bz = type(scale)(0.0)
-        for pair in range(start[i] // 2, start[i + 1] // 2):
-            k = np.uint64(2 * pair)
-            j, w = np.uint64(others[k]) * np.uint64(SIDE), weight[k]
-            ax += w * (packed[j] - x)
-            ay += w * (packed[j + np.uint64(1)] - y)
-            az += w * (packed[j + np.uint64(2)] - z)
-            j, w = np.uint64(others[k + np.uint64(1)]) * np.uint64(SIDE), weight[k + np.uint64(1)]
-            bx += w * (packed[j] - x)
-            by += w * (packed[j + np.uint64(1)] - y)
-            bz += w * (packed[j + np.uint64(2)] - z)
-        fx[i] += scale * (ax + bx)
-        fy[i] += scale * (ay + by)
-        fz[i] += scale * (az + bz)
+        x, y, z = row_sum(others, weight, packed, start[i], start[i + 1], np.int64(i))
+        fx[i] += scale * x
+        fy[i] += scale * y
+        fz[i] += scale * z
+
+
+def _row_sum(others, weight, packed, start, end, own):
+    """What `row_sum` does, in numpy."""
+    q = packed.reshape(-1, SIDE)
+    pulls = weight[start:end, None] * (q[others[start:end]] - q[own])
+    total = np.cumsum(pulls[0::2], axis=0)[-1] + np.cumsum(pulls[1::2], axis=0)[-1] if end > start else 0 * q[own]
+    return total[0], total[1], total[2]
+
+
+@intrinsic(_row_sum)
+def row_sum(typingctx, others, weight, packed, start, end, own):
+    """Sum of weight (q_j - q_own) over the others of a row, an even number of them, by turns in two sums.
+
+    The coordinates of a vertex are one vector of `SIDE` numbers: LLVM itself takes them one by one, which makes twice
+    as many instructions.
+    """
+    from llvmlite import ir
+    from numba import types
+
+    def generate(context, builder, signature, arguments):
+        number = context.get_value_type(signature.args[1].dtype)
+        vector, word = ir.VectorType(number, SIDE), ir.IntType(64)
+        rows, weights, points = (
+            context.make_array(kind)(context, builder, value).data
+            for kind, value in zip(signature.args[:3], arguments[:3], strict=True)
+        )
+        first, last, mine = arguments[3:]
+
+        def point(index):
+            place = builder.gep(points, [builder.shl(index, word(SIDE.bit_length() - 1))])
+            return builder.load(builder.bitcast(place, vector.as_pointer()), align=4)
+
+        def pull(index, origin):
+            other = builder.zext(builder.load(builder.gep(rows, [index])), word)
+            one = builder.load(builder.gep(weights, [index]))
+            lane = builder.insert_element(ir.Constant(vector, ir.Undefined), one, ir.IntType(32)(0))
+            every = ir.Constant(ir.VectorType(ir.IntType(32), SIDE), [0] * SIDE)
+            spread = builder.shuffle_vector(lane, ir.Constant(vector, ir.Undefined), every)
+            return builder.fmul(spread, builder.fsub(point(other), origin))
+
+        origin, before = point(mine), builder.block
+        head, body, after = (builder.append_basic_block(name) for name in ("row", "pair", "sums"))
+        builder.branch(head)
+        builder.position_at_end(head)
+        index = builder.phi(word)
+        sums = [builder.phi(vector), builder.phi(vector)]
+        builder.cbranch(builder.icmp_signed("<", index, last), body, after)
+        builder.position_at_end(body)
+        added = [builder.fadd(sums[k], pull(builder.add(index, word(k)), origin)) for k in range(2)]
+        following = builder.add(index, word(2))
+        builder.branch(head)
+        index.add_incoming(first, before)
+        index.add_incoming(following, body)
+        for total, one in zip(sums, added, strict=True):
+            total.add_incoming(ir.Constant(vector, [0.0] * SIDE), before)
+            total.add_incoming(one, body)
+        builder.position_at_end(after)
+        total = builder.fadd(*sums)
+        parts = [builder.extract_element(total, ir.IntType(32)(k)) for k in range(3)]
+        return context.make_tuple(builder, signature.return_type, parts)
+
+    arguments = (others, weight, packed, types.int64, types.int64, types.int64)
+    return types.UniTuple(weight.dtype, 3)(*arguments), generate
