@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.membrane import Membrane
+from cape.assembly.mesh.membrane import Membrane
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 
 FloatArray = NDArray[np.float64]
@@ -69,7 +69,7 @@ def springs_of(cloth: Cloth) -> Springs:
 
         return grid_springs(cloth)
     if isinstance(cloth, MeshCloth):
-        from cape.assembly.mesh_springs import mesh_springs
+        from cape.assembly.mesh.springs import mesh_springs
 
         return mesh_springs(cloth)
     raise TypeError(f"no springs are known for a {type(cloth).__name__}")

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.membrane import FAR_STRETCH, USUAL_STRETCH, stiffened
+from cape.assembly.mesh.membrane import FAR_STRETCH, USUAL_STRETCH, stiffened
 from cape.assembly.springs import Springs
 from cape.cloth.fabric import Fabric
 
@@ -30,7 +30,7 @@ def largest_frequency(springs: Springs, inverse_mass: FloatArray, positions: Flo
     springs. Without positions it is one that bounds all others: a spring at length L times its rest length resists with
     k (u u^T + (1 - 1 / L) (1 - u u^T)), which is at most k in all directions, however far it is strained or turned.
     That is the same along all three axes, of which one is enough. A membrane, which grows stiffer without end as it is
-    stretched, is taken to be stretched by `USUAL_STRETCH` with positions, and by `FAR_STRETCH` in all directions without.
+    stretched, is taken to be stretched by `USUAL_STRETCH` with positions, and by `FAR_STRETCH` without.
     """
     membrane, gradients = springs.membrane, None
     if membrane is not None and positions is not None:

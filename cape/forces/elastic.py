@@ -92,7 +92,7 @@ def links_of(assembly: Assembly, dtype: type[np.floating]) -> Links:
             bends = grid_bends(families.bend_stiffness, families.twist_stiffness, assembly.cloth.columns, dtype)
         grid = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
         return Links(grid, bends, *times)
-    from cape.assembly.mesh_links import mesh_bends_record, mesh_membrane_record, mesh_springs_record
+    from cape.assembly.mesh.links import mesh_bends_record, mesh_membrane_record, mesh_springs_record
 
     bends = mesh_bends_record(springs, count, dtype) if has_bends else None
     if springs.membrane is not None:

@@ -10,14 +10,13 @@ that anybody would write. The variants take turns in bursts of about a milliseco
 
 import sys
 import time
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from cape.assembly import mesh_springs as fitting
-from cape.assembly.mesh_links import mesh_air_record, mesh_bends_record, mesh_membrane_record, mesh_springs_record
-from cape.assembly.mesh_springs import mesh_springs
+from cape.assembly.mesh import springs as fitting
+from cape.assembly.mesh.links import mesh_air_record, mesh_bends_record, mesh_membrane_record, mesh_springs_record
+from cape.assembly.mesh.springs import mesh_springs
 from cape.cloth.cloth import Cloth, MeshCloth
 from cape.cloth.triangle_mesh import locality_order, reordered
 from cape.kernels.calling import Bound

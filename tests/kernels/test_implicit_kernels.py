@@ -16,7 +16,7 @@ from cape.kernels.team import Team
 from cape.scene.attachments import Attachment
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2
-from cape.solvers.implicit import matrix_of
+from cape.solvers.matrix import matrix_of
 from cape.solvers.running import Running, Thread
 from motions import quaternions
 from tests.support.scenes import Run, grid_cloth

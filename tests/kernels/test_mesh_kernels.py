@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from cape.assembly import mesh_links
+from cape.assembly.mesh import links as mesh_links
+from cape.assembly.mesh.membrane import Membrane, membrane_of
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth, MeshCloth
-from cape.assembly.membrane import Membrane, membrane_of
 from cape.cloth.fabric import Fabric
 from cape.cloth.triangle_mesh import edges_of
 from cape.kernels.cloth import membrane, mesh, mesh_bending
@@ -155,7 +155,9 @@ def test_membrane(dtype: type, damping: float | None):
     expected = membrane_forces(s, m, damping or 0.0)
     forces = np.full((3, s.cloth.vertices), np.nan, dtype)
     record = mesh_links.mesh_membrane_record(m, s.cloth.vertices, dtype)
-    membrane.mesh_membrane(MembraneForces(s.state(dtype), record, damping, forces), Team.alone(s.cloth.vertices), 0, 1, 1.0)
+    membrane.mesh_membrane(
+        MembraneForces(s.state(dtype), record, damping, forces), Team.alone(s.cloth.vertices), 0, 1, 1.0
+    )
     np.testing.assert_allclose(forces.T, expected, atol=ROUNDING[dtype] * np.abs(expected).max())
 
 

@@ -24,7 +24,8 @@ SIDE = 4  # numbers from one vertex to the next in `packed`, a power of two
 class MeshBends(NamedTuple):
     """Rows of the matrix: `others` and `weight` [N/m] of vertex i stand from `start[i]` on; `start` (N + 1,).
 
-    Rows have an even number of others, filled up with the vertex itself, so that two sums are made at once. `packed` (4 N,) is room for what the matrix is multiplied with.
+    Rows have an even number of others, filled up with the vertex itself, so that two sums are made at once. `packed`
+    (4 N,) is room for what the matrix is multiplied with.
     """
 
     start: NDArray[np.int64]

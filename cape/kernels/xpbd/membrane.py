@@ -1,4 +1,4 @@
-"""XPBD on a membrane: the three strains of an edge at once, as they are coupled; see `cape.assembly.membrane`.
+"""XPBD on a membrane: the three strains of an edge at once, as they are coupled; see `cape.assembly.mesh.membrane`.
 
 An edge's energy is A e'Ce / 2, with e the mean strain of its two triangles and A a third of their area. With J the
 derivative of e with respect to the positions, W the inverse masses and K = A C the impulses p change, as in
@@ -45,15 +45,15 @@ class MembraneConstraints(NamedTuple):
 def forget_membrane(c, team):
     """Set the impulses to zero, where they are kept at all."""
     if c is not None:
-        if team.rank == 0:
-            forget_all(c.impulse)
+        forget_all(c.impulse, team)
 
 
 @routine
-def forget_all(impulse):
-    """Set impulses to zero; nothing for None."""
+def forget_all(impulse, team):
+    """Set this thread's share of the impulses to zero; nothing for None."""
     if impulse is not None:
-        impulse[:] = 0
+        lo, hi = share(0, impulse.shape[0], team)
+        impulse[lo:hi] = 0
 
 
 @routine

@@ -89,9 +89,7 @@ class Membrane:
         kept = beyond >= triangle
         triangle, side, beyond = triangle[kept], side[kept], beyond[kept]
         first, second = self.faces[triangle, side], self.faces[triangle, (side + 1) % 3]
-        corners, third = zip(
-            *(self._from_edge(t, first, second) for t in (triangle, beyond)), strict=True
-        )
+        corners, third = zip(*(self._from_edge(t, first, second) for t in (triangle, beyond)), strict=True)
         total = self.area[triangle] + np.where(beyond == triangle, 0.0, self.area[beyond])
         share = self.area[triangle] / total
         return EdgeStrains(
@@ -177,7 +175,7 @@ def membrane_of(cloth: MeshCloth, edges: Edges) -> Membrane:
     share = beyond / (area[:, None] + beyond) / 3.0
     return Membrane(
         faces=cloth.faces,
-        slopes=np.linalg.inv(np.swapaxes(sides, 1, 2)),
+        slopes=np.asarray(np.linalg.inv(np.swapaxes(sides, 1, 2)), dtype=float),
         area=area,
         neighbours=neighbours,
         own=1.0 - share.sum(axis=1),

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.membrane import Membrane
+from cape.assembly.mesh.membrane import Membrane
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth
 from cape.kernels.cloth.membrane import SHAPE, MeshMembrane, Tension
@@ -52,7 +52,8 @@ def mesh_bends_record(springs: Springs, vertices: int, dtype: type[np.floating])
     width = count + count % 2
     start = np.concatenate([[0], np.cumsum(width)])
     place = start[row] + np.arange(len(row)) - (np.cumsum(count) - count)[row]
-    table, weights = np.repeat(np.arange(vertices, dtype=np.uint32), width), np.zeros(start[-1], dtype)
+    table = np.repeat(np.arange(vertices, dtype=np.uint32), width)
+    weights: NDArray[Any] = np.zeros(start[-1], dtype)
     table[place], weights[place] = others, weight
     return MeshBends(start, table, weights, np.zeros(SIDE * vertices, dtype))
 
@@ -87,6 +88,8 @@ def mesh_membrane_record(membrane: Membrane, vertices: int, dtype: type[np.float
     def tables(values: NDArray[Any], blank: NDArray[Any], kind: type[np.generic]) -> NDArray[Any]:
         return np.ascontiguousarray(np.stack([_table(rows, column, blank, kind) for column in values.T], axis=2))
 
+    kept: dict[str, Any] = _room(rows.total, vertices, 2, dtype)
+    kept["forces"] = np.zeros((2 * blocks * rows.total + 1) * ENDS, dtype)
     return MeshMembrane(
         tension=Tension(float(c[0, 0]), float(c[1, 1]), float(c[0, 1]), float(c[2, 2])),
         second=_table(rows, owned[:, 1], itself, np.uint32),
@@ -97,7 +100,7 @@ def mesh_membrane_record(membrane: Membrane, vertices: int, dtype: type[np.float
         shape=np.zeros(blocks * rows.total * SHAPE, dtype),
         strains=np.zeros(blocks * rows.total * ENDS, dtype),
         **_lists(rows, owned[:, 1:], vertices, apart=True),
-        **(_room(rows.total, vertices, 2, dtype) | {"forces": np.zeros((2 * blocks * rows.total + 1) * ENDS, dtype)}),
+        **kept,
     )
 
 
@@ -167,10 +170,13 @@ def _places(rows: Rows, kept: int) -> IntArray:
 def _lists(rows: Rows, others: IntArray, vertices: int, *, apart: bool = False) -> dict[str, Any]:
     """For each vertex the places of items that others own, `others` (L, m - 1) being those who do not.
 
-    An item keeps the same for all of these, or something for each where they are taken `apart`. Vertices are sorted within their blocks by the length of their lists, so that little is padded.
+    An item keeps the same for all of these, or something for each where they are taken `apart`. Vertices are sorted
+    within their blocks by the length of their lists, so that little is padded.
     """
     kept = others.shape[1] if apart else 1
-    place = _places(rows, kept)[:, None] + (np.arange(others.shape[1]) if apart else np.zeros(others.shape[1], int)) * ENDS
+    place = (
+        _places(rows, kept)[:, None] + (np.arange(others.shape[1]) if apart else np.zeros(others.shape[1], int)) * ENDS
+    )
     place, vertex = place.ravel(), others[rows.item].ravel()
     order = np.lexsort((place, vertex))
     place, vertex = place[order], vertex[order]

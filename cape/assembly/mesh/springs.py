@@ -13,7 +13,7 @@ Elsewhere springs meet the fabric in the mean at best, and oblique ones resist s
 whose shear is a hundredth of its stretch, cells split at random with vertices moved by up to 0.3 of a cell have six
 times the shear. Where springs miss the fabric by more than `MISSED` a membrane takes their place.
 
-Bend springs are the curvatures of the triangles, `cape.assembly.curvature`.
+Bend springs are the curvatures of the triangles, `cape.assembly.mesh.curvature`.
 """
 
 from math import sqrt
@@ -21,8 +21,8 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.curvature import curvatures
-from cape.assembly.membrane import membrane_of
+from cape.assembly.mesh.curvature import curvatures
+from cape.assembly.mesh.membrane import membrane_of
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import MeshCloth, areas
 from cape.cloth.triangle_mesh import Edges, edges_of
@@ -123,9 +123,9 @@ def _fit(tensors: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArra
 def _in_plane(
     cloth: MeshCloth, edges: Edges, area: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
-    """Stiffness [N/m] of edges (E,) and cross springs (I,), their rest lengths [m], and by how much they miss the fabric.
+    """Stiffness [N/m] of edges (E,) and cross springs (I,), their rest lengths [m], and the share that they miss.
 
-    `area` [m2] counts layers.
+    That is the root mean square of how far patches are from the fabric, by area. `area` [m2] counts layers.
     """
     warp, weft = cloth.fabric.stretch_warp, cloth.fabric.stretch_weft
     target = np.array([weft, warp, 6.0**0.5 * cloth.fabric.shear, 0.0, 0.0])

@@ -19,7 +19,7 @@ Angles are taken as small, and the sheet flat at rest: the curvature is linear i
 three coordinates, so that its forces are those of the same constant matrix wherever the cloth is.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,29 +74,21 @@ def curvatures(cloth: MeshCloth, edges: Edges) -> tuple[IntArray, FloatArray]:
     along = sides / length[..., None]
     outward = clockwise * np.stack([along[..., 1], -along[..., 0]], axis=2)
     # A slope across is away from the first triangle of its edge.
-    owner = np.full(len(edges.vertices), -1)
-    flat = edges.of_triangle.ravel()
-    owner[flat[::-1]] = np.arange(len(flat))[::-1]
-    away = np.where(owner[edges.of_triangle] // 3 == np.arange(len(area))[:, None], 1.0, -1.0)
+    first = _first_sides(edges) // 3
+    away = np.where(first[edges.of_triangle] == np.arange(len(area))[:, None], 1.0, -1.0)
     weight = (length / np.abs(area)[:, None])[..., None]
 
     across = weight * away[..., None] * _outer(outward, outward)
     ends = weight * _outer(outward, along) / length[..., None]
     faces, of = cloth.faces, edges.of_triangle
     reach = slopes.vertices.shape[1]
-    values = np.concatenate(
-        [
-            (across[..., None] * slopes.coefficients[of][:, :, None, :]).transpose(0, 1, 3, 2).reshape(len(area), -1, 3),
-            -ends,
-            ends,
-        ],
-        axis=1,
-    )
+    by_slope = (across[:, :, None, :] * slopes.coefficients[of][..., None]).reshape(len(area), -1, 3)
+    values = np.concatenate([by_slope, -ends, ends], axis=1)
     members = np.concatenate([slopes.vertices[of].reshape(-1, 3 * reach), faces, np.roll(faces, -1, axis=1)], axis=1)
     columns = np.repeat(members, 3, axis=1).reshape(len(area), -1, 3)
     rows = np.broadcast_to(3 * np.arange(len(area))[:, None, None] + np.arange(3), values.shape)
     shape = (3 * len(area), cloth.vertices)
-    table = csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), shape)
+    table: Any = csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), shape)
     table.sum_duplicates()
     return _padded(table.indptr, table.indices, table.data, faces[:, 0])
 
@@ -113,8 +105,8 @@ def _padded(starts: IntArray, indices: IntArray, data: FloatArray, blank: IntArr
     none = (rows == 0.0).all(axis=1)
     order = np.argsort(none, axis=1, kind="stable")[:, : int((~none).sum(axis=1).max())]
     rows = np.take_along_axis(rows, order[:, None], axis=2)
-    vertices = np.where(np.take_along_axis(none, order, axis=1), blank[:, None], np.take_along_axis(vertices, order, axis=1))
-    return vertices.astype(np.int64), rows
+    vertices, none = np.take_along_axis(vertices, order, axis=1), np.take_along_axis(none, order, axis=1)
+    return np.where(none, blank[:, None], vertices).astype(np.int64), rows
 
 
 def _outer(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -160,36 +152,9 @@ def _swapped(a: FloatArray, b: FloatArray, same: NDArray[np.bool_]) -> tuple[Flo
 
 def _slopes(cloth: MeshCloth, edges: Edges, unfolded: Unfolded) -> Slopes:
     """Slopes across all edges, away from the first triangle of each."""
-    faces, corners = cloth.faces, cloth.corners
-    flat = edges.of_triangle.ravel()
-    first = np.zeros(len(edges.vertices), dtype=np.int64)
-    first[flat[::-1]] = np.arange(len(flat))[::-1]
-    t, c = first // 3, first % 3
-    opposite = lambda side: (side + 2) % 3  # noqa: E731
-    vertices = [faces[t, c], faces[t, (c + 1) % 3], faces[t, opposite(c)]]
-    places = [corners[t, c], corners[t, (c + 1) % 3], corners[t, opposite(c)]]
-    known = [np.ones(len(t), dtype=bool)] * 3
-    turn, shift = np.broadcast_to(np.eye(2), (len(t), 2, 2)), np.zeros((len(t), 2))
-
-    def look(start: IntArray, side: IntArray, turn: FloatArray, shift: FloatArray, there: NDArray[np.bool_]) -> None:
-        """Add the vertex beyond a side of triangles that lie in the first one's plane by a turn and a shift."""
-        beyond, touching = unfolded.neighbour[start, side], unfolded.side[start, side]
-        point = corners[beyond, opposite(touching)]
-        point = np.einsum("nij,nj->ni", unfolded.turn[start, side], point) + unfolded.shift[start, side]
-        vertices.append(faces[beyond, opposite(touching)])
-        places.append(np.einsum("nij,nj->ni", turn, point) + shift)
-        known.append(there & (beyond >= 0))
-
-    everywhere = np.ones(len(t), dtype=bool)
-    look(t, c, turn, shift, everywhere)
-    for step in (1, 2):
-        look(t, (c + step) % 3, turn, shift, everywhere)
-    beyond, touching = unfolded.neighbour[t, c], unfolded.side[t, c]
-    for step in (1, 2):
-        look(beyond, (touching + step) % 3, unfolded.turn[t, c], unfolded.shift[t, c], beyond >= 0)
-    members, points, inside = np.stack(vertices, 1), np.stack(places, 1), np.stack(known, 1)
-    members = np.where(inside, members, members[:, :1])
-
+    sides = _first_sides(edges)
+    t, c = sides // 3, sides % 3
+    members, points, inside = _around(cloth, unfolded, t, c)
     origin, end = points[:, 0], points[:, 1]
     along = end - origin
     length = np.linalg.norm(along, axis=1)
@@ -200,18 +165,50 @@ def _slopes(cloth: MeshCloth, edges: Edges, unfolded: Unfolded) -> Slopes:
     local = np.stack([np.einsum("nmk,nk->nm", offset, along), np.einsum("nmk,nk->nm", offset, away)], axis=2)
     local = np.where(inside[..., None], local, 0.0)
 
-    mean = _mean_slope(local, inside[:, 3])
-    coefficients, clear = _corrected(local, inside, mean)
-    reach = members.shape[1]
-    grown = {int(e): _grown(cloth, unfolded, edge_t, edge_c) for e, edge_t, edge_c in
-             zip(np.flatnonzero(~clear), t[~clear], c[~clear], strict=True)}  # fmt: skip
-    most = max([reach, *(len(v) for v, _ in grown.values())])
-    members = np.concatenate([members, np.repeat(members[:, :1], most - reach, axis=1)], axis=1)
-    coefficients = np.pad(coefficients, ((0, 0), (0, most - reach)))
-    for e, (wider, values) in grown.items():
+    coefficients, clear = _corrected(local, inside, _mean_slope(local, inside[:, 3]))
+    unclear = np.flatnonzero(~clear)
+    grown = [_grown(cloth, unfolded, int(t[e]), int(c[e])) for e in unclear]
+    most = max([members.shape[1], *(len(wider) for wider, _ in grown)])
+    members = np.pad(members, ((0, 0), (0, most - members.shape[1])), mode="edge")
+    coefficients = np.pad(coefficients, ((0, 0), (0, most - coefficients.shape[1])))
+    for e, (wider, values) in zip(unclear, grown, strict=True):
         members[e], coefficients[e] = members[e, 0], 0.0
         members[e, : len(wider)], coefficients[e, : len(wider)] = wider, values
     return Slopes(members, coefficients / length[:, None])
+
+
+def _first_sides(edges: Edges) -> IntArray:
+    """The first side 3 t + c that each edge is, shape (E,)."""
+    return np.unique(edges.of_triangle, return_index=True)[1]
+
+
+def _around(
+    cloth: MeshCloth, unfolded: Unfolded, t: IntArray, c: IntArray
+) -> tuple[IntArray, FloatArray, NDArray[np.bool_]]:
+    """The eight vertices around edges, sides c of triangles t, of which a border lacks some.
+
+    Both ends, the third corner of this triangle and of the other, and what lies beyond the other sides of both. Returns
+    the vertices (E, 8), the first one for one that lacks; where they lie in the plane of t [m], shape (E, 8, 2); and
+    which there are (E, 8).
+    """
+    faces, corners = cloth.faces, cloth.corners
+    vertices = [faces[t, (c + step) % 3] for step in range(3)]
+    places = [corners[t, (c + step) % 3] for step in range(3)]
+    known = [np.ones(len(t), dtype=bool)] * 3
+    beyond, touching = unfolded.neighbour[t, c], unfolded.side[t, c]
+    turn, shift = unfolded.turn[t, c], unfolded.shift[t, c]
+    unturned, still = np.broadcast_to(np.eye(2), turn.shape), np.zeros_like(shift)
+    ways = [(t, (c + step) % 3, unturned, still, known[0]) for step in range(3)]
+    ways += [(beyond, (touching + step) % 3, turn, shift, beyond >= 0) for step in (1, 2)]
+    for start, side, start_turn, start_shift, there in ways:
+        last = unfolded.neighbour[start, side]
+        corner = (unfolded.side[start, side] + 2) % 3
+        point = np.einsum("nij,nj->ni", unfolded.turn[start, side], corners[last, corner]) + unfolded.shift[start, side]
+        vertices.append(faces[last, corner])
+        places.append(np.einsum("nij,nj->ni", start_turn, point) + start_shift)
+        known.append(there & (last >= 0))
+    members, inside = np.stack(vertices, axis=1), np.stack(known, axis=1)
+    return np.where(inside, members, members[:, :1]), np.stack(places, axis=1), inside
 
 
 def _mean_slope(local: FloatArray, both: NDArray[np.bool_]) -> FloatArray:
@@ -260,11 +257,12 @@ def _grown(cloth: MeshCloth, unfolded: Unfolded, triangle: int, side: int) -> tu
     second = faces[beyond, (unfolded.side[triangle, side] + 2) % 3] if beyond >= 0 else faces[triangle, side]
     order = [*(faces[triangle, (side + step) % 3] for step in range(3)), second]
     a, b = corners[triangle, side], corners[triangle, (side + 1) % 3]
-    length = np.linalg.norm(b - a)
+    length = float(np.linalg.norm(b - a))
     along = (b - a) / length
     away = np.array([along[1], -along[0]])
     away *= -np.sign((corners[triangle, (side + 2) % 3] - a) @ away)
-    for _ in range(GROWN):
+    taken_in = 0
+    while True:
         for here in list(frames):
             turn, shift = frames[here]
             for c in range(3):
@@ -281,6 +279,6 @@ def _grown(cloth: MeshCloth, unfolded: Unfolded, triangle: int, side: int) -> tu
         inside = np.ones(local.shape[:2], dtype=bool)
         inside[0, 3] = beyond >= 0
         coefficients, clear = _corrected(local, inside, _mean_slope(local, inside[:, 3]))
-        if clear[0]:
-            break
-    return np.array(members), coefficients[0]
+        taken_in += 1
+        if clear[0] or taken_in == GROWN:
+            return np.array(members), coefficients[0]
