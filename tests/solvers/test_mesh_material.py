@@ -9,8 +9,15 @@ from scipy.sparse import csr_array, kron
 from scipy.sparse.linalg import splu
 
 from cape import TRBDF2, XPBD, BackwardEuler, Cloth, Fabric, Scene, SymplecticEuler, attach
+from cape.assembly.mesh.links import mesh_membrane_record
+from cape.assembly.mesh.membrane import FAR_STRETCH, USUAL_STRETCH
+from cape.assembly.springs import springs_of
+from cape.assembly.stability import largest_frequency
 from cape.cloth.cloth import MeshCloth
 from cape.forces.elastic import Elastic
+from cape.kernels.cloth.membrane import MembraneForces, mesh_membrane
+from cape.kernels.state import State
+from cape.kernels.team import Team
 from cape.solvers import Solver
 from tests.support.scenes import Run
 
@@ -95,6 +102,24 @@ def _rest(run: Run, height: np.ndarray) -> np.ndarray:
     return run.positions[:, 2]
 
 
+@pytest.mark.parametrize("kind", ["one way", "equilateral", "random"])
+def test_a_strip_with_free_edges_bends_as_a_beam(kind: str):
+    """Three rows are held where a clamped beam under its weight is; isotropic sheets need no other moments."""
+    length, load, density, bend = 0.5, 1e-3, 0.1, 0.01
+    flat, triangles = meshed(kind, CELLS, 8)
+    flat *= length / CELLS
+    x = flat[:, 0]
+    held = np.flatnonzero(x < x.min() + 2.8 * length / CELLS)
+    fabric = Fabric(density=density, stretch=100.0, shear=10.0, bend=bend, damping_time=0.0, bend_damping_time=1e-3)
+    cloth = laid(flat, triangles, fabric)
+    run = Run(Scene(cloth, [attach(cloth, "hand", held)], gravity=(0, 0, -load / density)), BackwardEuler())
+    height = -load * x**2 * (6.0 * length**2 - 4.0 * length * x + x**2) / (24.0 * bend)
+    tip = x > length - 1e-9
+    found = _rest(run, height)
+    # Beyond the clamps, of a beam that is as much shorter.
+    assert found[tip].mean() == pytest.approx(height[tip].mean(), rel=0.03)
+
+
 def plain_triangles_force(flat: np.ndarray, triangles: np.ndarray, stiffness: np.ndarray, strain: float) -> float:
     """Force [N] on the clamped ends of a strip at 45 degrees to its threads, stretched along x in its plane.
 
@@ -176,6 +201,36 @@ def _slope(run: Run, way: np.ndarray, h: float = 1e-7) -> float:
     return (energies[0] - energies[1]) / (2.0 * h)
 
 
+def test_the_largest_step_is_for_a_membrane_as_far_as_it_is_strained():
+    """Against the derivative of the forces, by differences, of a membrane without bending."""
+    fabric = Fabric(density=0.1, stretch=(900.0, 300.0), shear=20.0, bend=0.0, damping_time=0.0)
+    flat, triangles = meshed("random", 5, 4)
+    cloth = laid(flat * 0.05, triangles, fabric, turn=0.3)
+    springs, weights = springs_of(cloth), 1.0 / cloth.masses()
+    assert springs.membrane is not None
+    record = mesh_membrane_record(springs.membrane, cloth.vertices, np.float64)
+
+    def forces(places: np.ndarray) -> np.ndarray:
+        found, state = np.zeros((3, cloth.vertices)), State.at_rest(places, np.float64)
+        mesh_membrane(MembraneForces(state, record, None, found), Team.alone(cloth.vertices), 0, 1, 0.0)
+        return found.T.ravel()
+
+    def frequency(places: np.ndarray) -> float:
+        steps = 1e-6 * np.eye(3 * cloth.vertices).reshape(-1, cloth.vertices, 3)
+        matrix = np.stack([(forces(places - s) - forces(places + s)) / 2e-6 for s in steps])
+        root = np.sqrt(np.repeat(weights, 3))
+        return float(np.sqrt(np.linalg.eigvalsh(root[:, None] * 0.5 * (matrix + matrix.T) * root).max()))
+
+    usual, far = (largest_frequency(springs, weights, places) for places in (cloth.positions, None))
+    rest, spread = frequency(cloth.positions), [s * cloth.positions for s in (USUAL_STRETCH, FAR_STRETCH)]
+    # A thread at a stretch L is (3 L^2 - 1) / 2 times as stiff.
+    assert usual == pytest.approx(rest * np.sqrt(1.66), rel=2e-3)
+    assert frequency(cloth.positions * [USUAL_STRETCH, 1.0, 1.0]) < usual
+    # Stretched along both threads at once it is a little stiffer yet; that is what the margin is for.
+    assert frequency(spread[0]) < usual / 0.9
+    assert 0.4 * far < frequency(spread[1]) < far
+
+
 def hanging(kind: str) -> tuple[MeshCloth, Scene]:
     fabric = Fabric(
         density=0.1, stretch=(300.0, 100.0), shear=5.0, bend=(1e-3, 4e-3), damping_time=1e-3, bend_damping_time=1e-2
@@ -218,3 +273,24 @@ def test_all_solvers_find_where_the_energy_is_least(solver: Solver, steps: int, 
     # A hundredth of the weight would move it by some 1e-5 m. XPBD's single sweep leaves springs longer than they should
     # be, by a share that shrinks as the square of its step.
     np.testing.assert_allclose(run.positions, reference.positions, atol=tolerance)
+
+
+@pytest.mark.parametrize(
+    "solver",
+    [SymplecticEuler(), XPBD(), XPBD(iterations=2), BackwardEuler(), TRBDF2()],
+    ids=["euler", "xpbd", "xpbd, sweeps", "backward Euler", "TR-BDF2"],
+)
+def test_a_membrane_has_the_same_bits_on_any_number_of_threads(solver: Solver):
+    fabric = Fabric(density=0.1, stretch=(300.0, 100.0), shear=5.0, bend=(1e-5, 4e-5), bend_damping_time=1e-2)
+    flat, triangles = meshed("random", 18, 12)
+    cloth = laid(flat * 0.03, triangles, fabric, turn=0.3)
+    scene = Scene(cloth, [attach(cloth, "hand", np.arange(3))], gravity=(1.0, 5.0, -3.0))
+    states = []
+    for threads in (1, 2, 3):
+        run = Run(scene, solver, threads=threads)
+        for _ in range(3):
+            run.step(1 / 60, run.stable_substeps() if isinstance(solver, SymplecticEuler) else 8)
+        states.append(np.stack(run.state))
+    assert np.abs(states[0][3:]).max() > 0.1
+    for state in states[1:]:
+        np.testing.assert_array_equal(state, states[0])
