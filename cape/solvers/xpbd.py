@@ -192,15 +192,17 @@ class XPBD(Solver):
         vertices, coefficients, stiffness = _patches(springs)
         colors = by_color(vertices)
         vertices, coefficients = vertices[colors.order], coefficients[colors.order]
+        coupled = np.einsum("krm,km,ksm->krs", coefficients, weights[vertices], coefficients)
         bend = None
         if len(vertices):
-            mobility = np.einsum("krm,km->kr", coefficients**2, weights[vertices])
+            mobility = np.diagonal(coupled, axis1=1, axis2=2)
             bend = self._constraints(stiffness[colors.order].ravel(), None, mobility.ravel(), dtype)
         return MeshConstraints(
             springs=stretched,
             membrane=membrane,
             vertices=vertices.astype(np.uint32),
             coefficients=coefficients.astype(dtype),
+            mixed=coupled[:, (0, 0, 1), (1, 2, 2)].astype(dtype),
             bend_starts=colors.starts,
             bend=bend,
         )
@@ -256,13 +258,15 @@ def step_of(chain: Chain) -> float:
 
 
 def _patches(springs: Springs) -> tuple[NDArray[np.int64], Array, Array]:
-    """Bend springs on the same vertices together: vertices (K, M), coefficients (K, R, M) and stiffness (K, R)."""
-    members = springs.bend_vertices
-    others = (members[1:] != members[:-1]).any(axis=1)
-    patch = np.concatenate([[0], np.cumsum(others)]) if len(members) else np.zeros(0, dtype=np.int64)
-    first = np.flatnonzero(np.diff(patch, prepend=-1))
-    row = np.arange(len(members)) - first[patch]
-    shape = (len(first), int(row.max(initial=0)) + 1)
+    """Bend springs on the same vertices together: vertices (K, M), coefficients (K, 3, M) and stiffness (K, 3)."""
+    members, count = springs.bend_vertices, len(springs.bend_vertices)
+    # Neighbours may have the same vertices, too: three by three of each run.
+    unlike = np.ones(count, dtype=bool)
+    unlike[1:] = (members[1:] != members[:-1]).any(axis=1)
+    place = np.arange(count)
+    row = (place - np.maximum.accumulate(np.where(unlike, place, 0))) % 3
+    patch, first = np.cumsum(row == 0) - 1, np.flatnonzero(row == 0)
+    shape = (len(first), 3)
     coefficients, stiffness = np.zeros((*shape, members.shape[1])), np.zeros(shape)
     coefficients[patch, row], stiffness[patch, row] = springs.bend_coefficients, springs.bend_stiffness
     return members[first], coefficients, stiffness

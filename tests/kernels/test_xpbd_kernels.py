@@ -44,12 +44,12 @@ class Textbook:
         if length > 0:
             self.project((i, j), length - rest, {i: -d / length, j: d / length}, stiffness, tau)
 
-    def bend(self, vertices: list[int], coefficients: np.ndarray, stiffness: float, tau: float) -> None:
+    def bend(self, vertices: list[int], coefficients: np.ndarray, stiffness: float, tau: float, row: int = 0) -> None:
         for axis in range(3):
             along = np.eye(3)[axis]
             c = sum(a * self.p[axis, i] for i, a in zip(vertices, coefficients, strict=True))
             gradients = {i: a * along for i, a in zip(vertices, coefficients, strict=True)}
-            self.project((*vertices, axis), c, gradients, stiffness, tau)
+            self.project((*vertices, axis, row), c, gradients, stiffness, tau)
 
 
 def prepared(
@@ -89,18 +89,20 @@ def test_bends_one_after_the_other(rng: np.random.Generator, sweeps: int):
     n = 7
     x, v = rng.standard_normal((3, n)), rng.standard_normal((3, n))
     vertices = np.array([[0, 1, 2, 3], [3, 1, 4, 5], [6, 2, 0, 5]], dtype=np.uint32)
-    coefficients, stiffness = rng.standard_normal((3, 4)), 10 ** rng.uniform(1, 4, 3)
+    coefficients, stiffness = rng.standard_normal((3, 3, 4)), 10 ** rng.uniform(1, 4, (3, 3))
     weights = rng.uniform(1, 2, n)
     weights[4] = 0.0
     book = Textbook(x, v, weights)
-    bends = prepared(stiffness, None, (coefficients**2 * weights[vertices]).sum(axis=1), TAU, 3)
+    coupled = np.einsum("krm,km,ksm->krs", coefficients, weights[vertices], coefficients)
+    mobility = np.ascontiguousarray(np.diagonal(coupled, axis1=1, axis2=2))
+    bends = prepared(stiffness.ravel(), None, mobility.ravel(), TAU, 3)
     assert bends.impulse is not None
     kept = (bends.slack, *bends.impulse) if sweeps > 1 else (None,) * 4
-    u = v.copy()
+    u, mixed = v.copy(), coupled[:, (0, 0, 1), (1, 2, 2)].copy()
     for _ in range(sweeps):
-        mesh.bend_listed(vertices, coefficients[:, None], STEP + TAU, bends.gain, *kept, weights, *x, *u)
-        for k in range(3):
-            book.bend(vertices[k].tolist(), coefficients[k], stiffness[k], TAU)
+        mesh.bend_listed(vertices, coefficients, mixed, STEP + TAU, bends.gain, *kept, weights, *x, *u)
+        for k, row in np.ndindex(3, 3):
+            book.bend(vertices[k].tolist(), coefficients[k, row], stiffness[k, row], TAU, row)
     np.testing.assert_allclose(x + STEP * u, book.p, atol=ROUNDING)
 
 

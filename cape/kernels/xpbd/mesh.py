@@ -30,13 +30,15 @@ class SpringConstraints(NamedTuple):
 
 
 class MeshConstraints(NamedTuple):
-    """Constraints of a mesh: springs or a membrane, None for the other, and R bend springs on each of K patches of M
-    vertices (K, M), with coefficients (K, R, M), sorted by colour like the springs; their `bend` is flat, K R long."""
+    """Constraints of a mesh: springs or a membrane, None for the other, and three bend springs on each of K patches of
+    M vertices (K, M), with coefficients (K, 3, M) and `mixed` (K, 3) as in `bend_listed`, sorted by colour like the
+    springs; their `bend` is flat, 3 K long."""
 
     springs: SpringConstraints | None
     membrane: MembraneConstraints | None
     vertices: NDArray[np.uint32]
     coefficients: Array
+    mixed: Array
     bend_starts: NDArray[np.int64]
     bend: Constraints | None
 
@@ -90,30 +92,44 @@ def stretch_listed(
 
 
 @kernel
-def bend_listed(vertices, coefficients, time, gain, slack, impulse_x, impulse_y, impulse_z, w, x, y, z, vx, vy, vz):
-    """C(p) = sum c_a p_a for each row of coefficients (K, R, M) on the listed vertices (K, M), along all three
-    coordinates; `time` is h + tau."""
-    rows = coefficients.shape[1]
+def bend_listed(
+    vertices, coefficients, mixed, time, gain, slack, impulse_x, impulse_y, impulse_z, w, x, y, z, vx, vy, vz
+):  # fmt: skip
+    """C(p) = sum c_a p_a for three rows of coefficients (K, 3, M) on the listed vertices (K, M), along all three
+    coordinates; `time` is h + tau.
+
+    The rows are solved one after the other as if each were by itself; but all are told before any vertex is changed,
+    and what one changes of the next ones' C is known beforehand: `mixed` (K, 3), the sums w c c' of the rows 0 and 1,
+    0 and 2, 1 and 2 [1/kg].
+    """
     for k in range(vertices.shape[0]):
-        for r in range(rows):
-            members, row, place = vertices[k], coefficients[k, r], k * rows + r
-            bend_one(place, members, row, time, gain, slack, impulse_x, w, x, vx)
-            bend_one(place, members, row, time, gain, slack, impulse_y, w, y, vy)
-            bend_one(place, members, row, time, gain, slack, impulse_z, w, z, vz)
+        members, rows, none = vertices[k], coefficients[k], type(time)(0.0)
+        ax = ay = az = bx = by = bz = cx = cy = cz = none
+        for m in range(members.size):
+            j = members[m]
+            px, py, pz = x[j] + time * vx[j], y[j] + time * vy[j], z[j] + time * vz[j]
+            a, b, c = rows[0, m], rows[1, m], rows[2, m]
+            ax, ay, az = ax + a * px, ay + a * py, az + a * pz
+            bx, by, bz = bx + b * px, by + b * py, bz + b * pz
+            cx, cy, cz = cx + c * px, cy + c * py, cz + c * pz
+        ax, bx, cx = three_changes(k, ax, bx, cx, mixed[k], time, gain, slack, impulse_x)
+        ay, by, cy = three_changes(k, ay, by, cy, mixed[k], time, gain, slack, impulse_y)
+        az, bz, cz = three_changes(k, az, bz, cz, mixed[k], time, gain, slack, impulse_z)
+        for m in range(members.size):
+            j = members[m]
+            a, b, c = w[j] * rows[0, m], w[j] * rows[1, m], w[j] * rows[2, m]
+            vx[j] = vx[j] - (a * ax + b * bx + c * cx)
+            vy[j] = vy[j] - (a * ay + b * by + c * cy)
+            vz[j] = vz[j] - (a * az + b * bz + c * cz)
 
 
 @inlined
-def bend_one(k, members, row, time, gain, slack, impulse, w, p, v):
-    """One bend constraint along one coordinate."""
-    first = members[0]
-    bend = row[0] * (p[first] + time * v[first])
-    for m in range(1, row.size):
-        j = members[m]
-        bend += row[m] * (p[j] + time * v[j])
-    change = change_of(gain[k] * bend, k, slack, impulse)
-    for m in range(row.size):
-        j = members[m]
-        v[j] = v[j] - change * row[m] * w[j]
+def three_changes(k, a, b, c, mixed, time, gain, slack, impulse):
+    """What is added to the impulses of patch k along one coordinate, of whose bend springs C is given."""
+    a = change_of(gain[3 * k] * a, 3 * k, slack, impulse)
+    b = change_of(gain[3 * k + 1] * (b - time * mixed[0] * a), 3 * k + 1, slack, impulse)
+    c = change_of(gain[3 * k + 2] * (c - time * (mixed[1] * a + mixed[2] * b)), 3 * k + 2, slack, impulse)
+    return a, b, c
 
 
 @routine
@@ -170,13 +186,12 @@ def bend_colours(g, bends, time, team):
     """Go through all bend constraints, colour by colour."""
     s, c = g.state, g.constraints
     if bends is not None:
-        rows = c.coefficients.shape[1]
         for colour in range(c.bend_starts.size - 1):
             lo, hi = share(c.bend_starts[colour], c.bend_starts[colour + 1], team)
-            a, e = rows * lo, rows * hi
+            a, e = 3 * lo, 3 * hi
             bend_listed(
-                c.vertices[lo:hi], c.coefficients[lo:hi], time, bends.gain[a:e], part(bends.slack, a, e),
-                part(row(bends.impulse, 0), a, e), part(row(bends.impulse, 1), a, e),
+                c.vertices[lo:hi], c.coefficients[lo:hi], c.mixed[lo:hi], time, bends.gain[a:e],
+                part(bends.slack, a, e), part(row(bends.impulse, 0), a, e), part(row(bends.impulse, 1), a, e),
                 part(row(bends.impulse, 2), a, e), g.inverse_mass, s.x, s.y, s.z, s.vx, s.vy, s.vz,
             )  # fmt: skip
             meet(team)
