@@ -78,6 +78,7 @@ def stretch_edges(
 ):  # fmt: skip
     """Solve edges lo to hi one after the other."""
     for k in range(lo, hi):
+        one = half + half
         i, j, m, n = vertices[k, 0], vertices[k, 1], vertices[k, 2], vertices[k, 3]
         b = apart(i, j, step, x, y, z, vx, vy, vz)
         c = apart(i, m, step, x, y, z, vx, vy, vz)
@@ -93,8 +94,8 @@ def stretch_edges(
         c0, c1, c2 = scaled(p * g[2], u), scaled(p * g[3], v), combined(p * g[2], v, p * g[3], u)
         d0, d1, d2 = scaled(q * f[2], r), scaled(q * f[3], t), combined(q * f[2], t, q * f[3], r)
         a0, a1, a2 = less(b0, c0, d0), less(b1, c1, d1), less(b2, c2, d2)
-        e0 = half * (p * (dot(u, u) - 1) + q * (dot(r, r) - 1))
-        e1 = half * (p * (dot(v, v) - 1) + q * (dot(t, t) - 1))
+        e0 = half * (p * (dot(u, u) - one) + q * (dot(r, r) - one))
+        e1 = half * (p * (dot(v, v) - one) + q * (dot(t, t) - one))
         e2 = p * dot(u, v) + q * dot(r, t)
         ub, uc, ud = rate(i, j, vx, vy, vz), rate(i, m, vx, vy, vz), rate(i, n, vx, vy, vz)
         e0 += damping * (dot(b0, ub) + dot(c0, uc) + dot(d0, ud))
@@ -116,9 +117,9 @@ def stretch_edges(
             r0, r1, r2 = r0 - impulse[k, 0], r1 - impulse[k, 1], r2 - impulse[k, 2]
         time = step + damping
         s0, s1, s2 = solved(
-            1 + time * (k0 * g00 + k01 * g01), time * (k0 * g01 + k01 * g11), time * (k0 * g02 + k01 * g12),
-            time * (k01 * g00 + k1 * g01), 1 + time * (k01 * g01 + k1 * g11), time * (k01 * g02 + k1 * g12),
-            time * k2 * g02, time * k2 * g12, 1 + time * k2 * g22, r0, r1, r2,
+            one + time * (k0 * g00 + k01 * g01), time * (k0 * g01 + k01 * g11), time * (k0 * g02 + k01 * g12),
+            time * (k01 * g00 + k1 * g01), one + time * (k01 * g01 + k1 * g11), time * (k01 * g02 + k1 * g12),
+            time * k2 * g02, time * k2 * g12, one + time * k2 * g22, r0, r1, r2, one,
         )  # fmt: skip
         if impulse is not None:
             impulse[k, 0] += s0
@@ -196,10 +197,10 @@ def combined3(p, a, q, b, r, c):
 
 
 @inlined
-def solved(a, b, c, d, e, f, g, h, i, p, q, r):
+def solved(a, b, c, d, e, f, g, h, i, p, q, r, one):
     """Solution of three equations with the rows (a, b, c), (d, e, f), (g, h, i) and right sides p, q, r, by Cramer."""
     x, y, z = e * i - f * h, f * g - d * i, d * h - e * g
-    scale = 1 / (a * x + b * y + c * z)
+    scale = one / (a * x + b * y + c * z)
     return (
         scale * (x * p + (c * h - b * i) * q + (b * f - c * e) * r),
         scale * (y * p + (a * i - c * g) * q + (c * d - a * f) * r),
