@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.mesh.membrane import Membrane
+from cape.assembly.membrane import Membrane
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 
 FloatArray = NDArray[np.float64]

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.mesh.membrane import FAR_STRETCH, USUAL_STRETCH, stiffened
+from cape.assembly.membrane import FAR_STRETCH, USUAL_STRETCH, stiffened
 from cape.assembly.springs import Springs
 from cape.cloth.fabric import Fabric
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cape.assembly.assemble import Assembly, force_scratch, inertia_of
 from cape.assembly.chains import Chain, chain_of
 from cape.assembly.coloring import by_color
-from cape.assembly.mesh.membrane import Membrane
+from cape.assembly.membrane import Membrane
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import GridCloth
 from cape.forces.base import Force

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from cape.assembly.membrane import Membrane, membrane_of
 from cape.assembly.mesh import links as mesh_links
-from cape.assembly.mesh.membrane import Membrane, membrane_of
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth, MeshCloth
 from cape.cloth.fabric import Fabric

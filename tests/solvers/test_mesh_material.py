@@ -9,8 +9,8 @@ from scipy.sparse import csr_array, kron
 from scipy.sparse.linalg import splu
 
 from cape import TRBDF2, XPBD, BackwardEuler, Cloth, Fabric, Scene, SymplecticEuler, attach
+from cape.assembly.membrane import FAR_STRETCH, USUAL_STRETCH
 from cape.assembly.mesh.links import mesh_membrane_record
-from cape.assembly.mesh.membrane import FAR_STRETCH, USUAL_STRETCH
 from cape.assembly.springs import springs_of
 from cape.assembly.stability import largest_frequency
 from cape.cloth.cloth import MeshCloth

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.mesh.membrane import Membrane
+from cape.assembly.membrane import Membrane
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth
 from cape.kernels.cloth.membrane import SHAPE, MeshMembrane, Tension

@@ -21,8 +21,8 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly.membrane import membrane_of
 from cape.assembly.mesh.curvature import curvatures
-from cape.assembly.mesh.membrane import membrane_of
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import MeshCloth, areas
 from cape.cloth.triangle_mesh import Edges, edges_of

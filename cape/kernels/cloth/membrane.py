@@ -1,4 +1,4 @@
-"""Forces of a membrane of triangles whose strains are averaged over edges; see `cape.assembly.mesh.membrane`.
+"""Forces of a membrane of triangles whose strains are averaged over edges; see `cape.assembly.membrane`.
 
 Triangles belong to one of their corners and stand in rows by block as the links of `cape.kernels.cloth.mesh`. Three
 passes, between which the threads of a team meet:

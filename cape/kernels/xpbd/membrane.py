@@ -1,4 +1,4 @@
-"""XPBD on a membrane: the three strains of an edge at once, as they are coupled; see `cape.assembly.mesh.membrane`.
+"""XPBD on a membrane: the three strains of an edge at once, as they are coupled; see `cape.assembly.membrane`.
 
 An edge's energy is A e'Ce / 2, with e the mean strain of its two triangles and A a third of their area. With J the
 derivative of e with respect to the positions, W the inverse masses and K = A C the impulses p change, as in
