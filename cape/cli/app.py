@@ -60,6 +60,7 @@ def replay(
     script: Script = None,
     output: Output = None,
     robot: Robot = None,
+    garment: Annotated[str, typer.Option(help="What is worn (cape garments lists them).")] = "back_cape",
     fabric: Annotated[str, typer.Option(help="Name of a fabric (cape fabrics lists them).")] = "cape",
     spacing: Annotated[
         float | None, typer.Option(help="Mean distance of the cloth's vertices [m]; by default for 1,500 of them.")
@@ -128,6 +129,7 @@ def replay(
             packages=tuple(packages or ()),
         ),
         Cut(
+            garment=garment,
             fabric=fabric,
             spacing=spacing,
             length=length,
@@ -205,6 +207,14 @@ def clips() -> int:
 def fabrics(json: Json = False) -> int:
     """List the fabrics that a cape may be of: how each drapes, weight, stiffness (warp / weft), and who measured it."""
     from cape.cli.commands.fabrics import run
+
+    return run(json=json)
+
+
+@app.command()
+def garments(json: Json = False) -> int:
+    """List what a character may wear."""
+    from cape.cli.commands.garments import run
 
     return run(json=json)
 

@@ -117,6 +117,6 @@ class SymplecticEuler(Solver):
 def _stable_step(assembly: Assembly) -> float:
     cloth = assembly.cloth
     flat = cloth.positions
-    if isinstance(cloth, GridCloth):
+    if isinstance(cloth, GridCloth) and not cloth.darted:
         flat = np.column_stack([cloth.pattern, np.zeros(cloth.vertices)])
     return largest_step(assembly.springs, cloth.fabric, assembly.inverse_mass, flat)

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import motions
-from cape import FABRICS
+from cape import FABRICS, GARMENTS
 from tests.support.command import CAPE, Done, Forks, cape
 
 
@@ -48,6 +48,8 @@ BAD = {
     "binary data": (["replay", "binary.bvh"], "binary"),
     "a single frame": (["replay", "still.bvh"], "single frame"),
     "an unknown fabric": (["replay", "--fabric", "steel"], "denim"),
+    "an unknown garment": (["replay", "--garment", "toga"], "shoulder_cape"),
+    "a garment that is too short": (["replay", "--garment", "cloak", "--length", "0.1"], "shoulders"),
     "an unknown solver": (["replay", "--solver", "magic"], "xpbd"),
     "an unknown layer": (["replay", "--layers", "cape,hat"], "hitboxes"),
     "an unknown bone": (["replay", "--attach", "chest=Tail"], "Spine2"),
@@ -275,6 +277,14 @@ def test_fabrics_are_listed_with_how_they_drape_and_who_measured_them(once):
     assert denim["bend_N_m"] == [FABRICS["denim"].bend_warp, FABRICS["denim"].bend_weft]
     assert "Data-Driven Elastic Models for Cloth" in denim["measured"]["source"]
     assert denim["measured"]["figures"]["density"] == "0.324 kg/m2"
+
+
+def test_garments_are_listed_and_worn(once):
+    told = unfolded(once("garments").stdout)
+    assert all(f"{garment.name} {garment.title}" in told for garment in GARMENTS.values())
+    assert once.facts("garments") == {garment.name: garment.title for garment in GARMENTS.values()}
+    command = ("replay", "walk", "--end", "0.1", "-o", "out.rrd", "--spacing", "0.06", "--garment", "half_cape")
+    assert once.facts(*command)["result"] == "finished"
 
 
 @pytest.mark.parametrize("name", ["chiffon-weight", "jersey", "leather-weight"])
