@@ -3,7 +3,8 @@
 Each triangle has Green's strain E = (F'F - 1) / 2 along weft and warp, with the shear angle 2 E12 third, and the cloth
 the energy per area E'CE / 2 of Saint Venant and Kirchhoff. Triangles of constant strain lock: a mesh whose edges do not
 run along the threads can't shear without stretching them. So the strain of each edge, the mean of its two triangles'
-by area, is what resists (the edge-based smoothing of Liu, Nguyen-Thoi and Lam 2009), with a third of the area of both.
+by area, is what resists, with a third of the area of both: the edge-based smoothing of Liu, Nguyen-Thoi and Lam 2009,
+"An edge-based smoothed finite element method" (Journal of Sound and Vibration 320).
 With a_t the areas, and P the mean of strains over a triangle's three edges, the energy is
 
     1/2 sum over t of a_t E_t' C (P E)_t,    (P E)_t = own E_t + sum over the three neighbours of share E_n,

@@ -102,7 +102,7 @@ def test_bends_one_after_the_other(rng: np.random.Generator, sweeps: int):
     for _ in range(sweeps):
         mesh.bend_listed(vertices, coefficients, mixed, STEP + TAU, bends.gain, *kept, weights, *x, *u)
         for k, row in np.ndindex(3, 3):
-            book.bend(vertices[k].tolist(), coefficients[k, row], stiffness[k, row], TAU, row)
+            book.bend(vertices[k].tolist(), coefficients[k, row], float(stiffness[k, row]), TAU, row)
     np.testing.assert_allclose(x + STEP * u, book.p, atol=ROUNDING)
 
 

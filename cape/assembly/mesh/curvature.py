@@ -12,8 +12,9 @@ a coefficient may change the less, the further its vertex lies from the middle (
 Both properties matter. Exact for quadratics, a sheet bent to a cylinder has the energy of its fabric in every
 direction. And since both triangles take the same slope at their edge, constant moments are in equilibrium at every
 inner vertex, whatever the mesh: without that a sheet slips into shapes that its triangles don't see, and is too soft
-by as much on the finest mesh. (It is the condition that Chen, Wu, Yoon and You 2001 call an integration constraint.)
-By algebra here; a fit of a quadratic to each triangle and its three neighbours lacks it, and was 13 % too soft.
+by as much on the finest mesh. For Galerkin methods of first order Chen, Wu, Yoon and You 2001, "A stabilized conforming
+nodal integration" (Int. J. Numer. Meth. Engng 50), call it the integration constraint; here by algebra. A quadratic
+fitted to each triangle and its three neighbours by itself lacks it.
 
 Angles are taken as small, and the sheet flat at rest: the curvature is linear in the positions, and the same for all
 three coordinates, so that its forces are those of the same constant matrix wherever the cloth is.
