@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly, force_scratch, inertia_of
-from cape.cloth.cloth import GridCloth
 from cape.forces.base import Force
 from cape.forces.elastic import Elastic, Links
 from cape.forces.registry import forces_of
-from cape.kernels.cloth.grid import GridBends, GridRoom, GridSprings
-from cape.kernels.cloth.mesh import MeshBends
+from cape.kernels.cloth.grid import GridRoom, GridSprings
+from cape.kernels.cloth.membrane import MembraneForces, MeshMembrane
+from cape.kernels.cloth.mesh_bending import MeshBends
 from cape.kernels.contact.penalty import Penalty, PenaltyContact, find_touchable, press_colliders
 from cape.kernels.contact.units import note_motion
 from cape.kernels.implicit.conjugate_gradients import CHUNK
@@ -44,7 +44,21 @@ from cape.kernels.implicit.implicit import (
     place_bones,
     solve_stage,
 )
-from cape.kernels.implicit.mesh_stiffness import MeshStiffness, add_mesh_diagonal, linearise_mesh, multiply_mesh
+from cape.kernels.implicit.membrane_stiffness import (
+    MembraneStiffness,
+    add_membrane_diagonal,
+    linearise_membrane,
+    multiply_membrane,
+)
+from cape.kernels.implicit.mesh_stiffness import (
+    MeshBendStiffness,
+    MeshStiffness,
+    add_mesh_bend_diagonal,
+    add_mesh_diagonal,
+    linearise_mesh,
+    multiply_mesh,
+    multiply_mesh_bends,
+)
 from cape.kernels.implicit.stiffness import (
     Blocks,
     GridStiffness,
@@ -63,6 +77,7 @@ from cape.kernels.program import Use
 from cape.kernels.self_contact.self_contact import PressedAcceleration, PressedForces, add_held, add_pressure
 from cape.kernels.state import Inertia
 from cape.solvers.base import Precision, Solver
+from cape.solvers.matrix import Layout, matrix_of
 from cape.solvers.order import Order, begin_frame, end_substep, forces, wait
 from cape.solvers.running import Running, Thread
 from motions.errors import ValueRangeError
@@ -73,14 +88,6 @@ AT_START = 1e-3  # forcing, for the accelerations with which a frame begins
 ROUNDED = 4.0  # times a coordinate's last digit
 INNER = np.float32  # precision of the linear systems, whose solutions the next Newton step corrects
 Array = NDArray[np.floating]
-
-
-class Layout(NamedTuple):
-    """Room for what the springs and bend springs give to the matrix: see `GridStiffness` and `MeshStiffness`."""
-
-    coefficients: Array
-    couplings: Array | None
-    ends: Array | None
 
 
 class ImplicitArrays(NamedTuple):
@@ -277,14 +284,24 @@ class ImplicitSolver(Solver):
                 arrays.scratch[thread.rank],
             )  # fmt: skip
             first, last, product = Use(linearise_springs, grid), Use(add_grid_diagonal, grid), Use(multiply_grid, grid)
-        else:
-            assert not isinstance(links.bends, GridBends)
+        elif isinstance(links.springs, MeshMembrane):
             assert layout.ends is not None
-            mesh = MeshStiffness(
-                running.state, links.springs, links.bends, arrays.matrix, layout.coefficients, layout.ends
-            )
+            assert layout.membrane is not None
+            still = MembraneForces(running.state, links.springs, None, arrays.work.forces)
+            sheet = MembraneStiffness(still, layout.membrane, arrays.matrix, layout.coefficients, layout.ends)
+            first, last = Use(linearise_membrane, sheet), Use(add_membrane_diagonal, sheet)
+            product = Use(multiply_membrane, sheet)
+        else:
+            assert layout.ends is not None
+            mesh = MeshStiffness(running.state, links.springs, arrays.matrix, layout.coefficients, layout.ends)
             first, last, product = Use(linearise_mesh, mesh), Use(add_mesh_diagonal, mesh), Use(multiply_mesh, mesh)
-        return [first, *wait(thread), *own, start, last, invert], [Use(multiply_own, arrays.matrix), product]
+        diagonals, products = [last], [Use(multiply_own, arrays.matrix), product]
+        if layout.bends is not None:
+            assert layout.diagonal is not None
+            bends = MeshBendStiffness(layout.bends, arrays.matrix, layout.diagonal)
+            diagonals.append(Use(add_mesh_bend_diagonal, bends))
+            products.append(Use(multiply_mesh_bends, bends))
+        return [first, *wait(thread), *own, start, *diagonals, invert], products
 
     def _place(self, thread: Thread, at: float) -> list[Use]:
         """Place the bones, and what they hold, at a share of the step."""
@@ -378,56 +395,6 @@ class TRBDF2(ImplicitSolver):
         if balancing is not None:
             uses.append(Use(hold_back, balancing))
         return uses
-
-
-def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tuple[Matrix, Layout]:
-    """Lay out the matrix of a cloth, and what springs give to it; see `kernels.implicit.stiffness`."""
-    springs, cloth = assembly.springs, assembly.cloth
-    count = cloth.vertices
-    front = 0
-    if isinstance(cloth, GridCloth):
-        front = -(-2 * (cloth.columns + 1) // CHUNK) * CHUNK
-    size = front + -(-count // CHUNK) * CHUNK + front
-
-    def padded(values: NDArray[Any], outside: float = 0.0) -> Array:
-        rows = np.full((*values.shape[:-1], size), outside, dtype)
-        rows[..., front : front + count] = values
-        return rows
-
-    diagonal = np.zeros(count)
-    bends, ends, families = None, None, springs.families
-    coefficients = np.zeros((16, size), dtype)
-    if not isinstance(links.springs, GridSprings):
-        blocks, rows_of_links, lanes = links.springs.second.shape
-        coefficients = np.zeros((blocks, rows_of_links, 4, lanes), dtype)
-        ends = np.zeros(links.springs.forces.shape, dtype)
-    if families is not None and links.bends is not None:
-        rows, twist = [], families.twist_stiffness
-        np.add.at(diagonal, springs.bend_vertices, springs.bend_stiffness[:, None] * springs.bend_coefficients**2)
-        # An edge across is a side of the cells below and above it, one down of those to its right and left.
-        for offset, beside, stiffness in zip(
-            families.bend_offsets, families.bend_offsets[::-1], families.bend_stiffness, strict=True
-        ):
-            sides = twist + _behind(twist, beside)
-            rows += [-2.0 * (stiffness + _behind(stiffness, offset)) - sides, stiffness]
-        bends = padded(np.stack([*rows, twist]))
-    matrix = Matrix(
-        front=front,
-        bend_diagonal=padded(diagonal),
-        mass=padded(assembly.mass, 1.0),
-        free=padded(assembly.free),
-        own=np.zeros((6, size), dtype),
-        inverse=np.zeros((6, size), dtype),
-        vectors=np.zeros((5, 3, size), dtype),
-        damping=links.damping or 0.0,
-        bend_damping=links.bend_damping or 0.0,
-    )
-    return matrix, Layout(coefficients, bends, ends)
-
-
-def _behind(values: Array, offset: int) -> Array:
-    """For each vertex the value of the one that far before it, zero before the first."""
-    return np.concatenate([np.zeros(offset), values[: len(values) - offset]])
 
 
 def _penalty(assembly: Assembly, dtype: type[np.floating]) -> Penalty:

@@ -1,0 +1,100 @@
+"""The matrix of an implicit solver's Newton steps, and what the forces of a cloth give to it."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.assemble import Assembly
+from cape.cloth.cloth import GridCloth
+from cape.forces.elastic import Links
+from cape.kernels.cloth.grid import GridSprings
+from cape.kernels.cloth.membrane import MeshMembrane
+from cape.kernels.cloth.mesh_bending import MeshBends
+from cape.kernels.implicit.conjugate_gradients import CHUNK
+from cape.kernels.implicit.stiffness import Matrix
+
+Array = NDArray[np.floating]
+
+
+class Layout(NamedTuple):
+    """What springs, or a membrane, and bend springs give to the matrix: see `GridStiffness`, `MeshStiffness`,
+    `MembraneStiffness` and `MeshBendStiffness`. Of a membrane `coefficients` are its tension, `ends` what p changes."""
+
+    coefficients: Array
+    couplings: Array | None = None
+    ends: Array | None = None
+    membrane: MeshMembrane | None = None
+    bends: MeshBends | None = None
+    diagonal: Array | None = None
+
+
+def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tuple[Matrix, Layout]:
+    """Lay out the matrix of a cloth, and what springs give to it; see `kernels.implicit.stiffness`."""
+    springs, cloth = assembly.springs, assembly.cloth
+    count = cloth.vertices
+    front = 0
+    if isinstance(cloth, GridCloth):
+        front = -(-2 * (cloth.columns + 1) // CHUNK) * CHUNK
+    size = front + -(-count // CHUNK) * CHUNK + front
+
+    def padded(values: NDArray[Any], outside: float = 0.0) -> Array:
+        rows = np.full((*values.shape[:-1], size), outside, dtype)
+        rows[..., front : front + count] = values
+        return rows
+
+    diagonal = np.zeros(count)
+    families = springs.families
+    layout = Layout(np.zeros((16, size), dtype))
+    if isinstance(links.springs, MeshMembrane):
+        inner = in_precision(links.springs, dtype)
+        layout = Layout(np.zeros_like(inner.strains), ends=np.zeros_like(inner.shape), membrane=inner)
+    elif not isinstance(links.springs, GridSprings):
+        blocks, rows_of_links, lanes = links.springs.second.shape
+        ends = np.zeros(links.springs.forces.shape, dtype)
+        layout = Layout(np.zeros((blocks, rows_of_links, 4, lanes), dtype), ends=ends)
+    if isinstance(links.bends, MeshBends):
+        # Rows are zero in sum.
+        row = np.repeat(np.arange(count), np.diff(links.bends.start))
+        sums = np.bincount(row, links.bends.weight, count)
+        layout = layout._replace(bends=in_precision(links.bends, dtype), diagonal=padded(sums))
+    if families is not None and links.bends is not None:
+        rows, twist = [], families.twist_stiffness
+        np.add.at(diagonal, springs.bend_vertices, springs.bend_stiffness[:, None] * springs.bend_coefficients**2)
+        # An edge across is a side of the cells below and above it, one down of those to its right and left.
+        for offset, beside, stiffness in zip(
+            families.bend_offsets, families.bend_offsets[::-1], families.bend_stiffness, strict=True
+        ):
+            sides = twist + _behind(twist, beside)
+            rows += [-2.0 * (stiffness + _behind(stiffness, offset)) - sides, stiffness]
+        layout = layout._replace(couplings=padded(np.stack([*rows, twist])))
+    matrix = Matrix(
+        front=front,
+        bend_diagonal=padded(diagonal),
+        mass=padded(assembly.mass, 1.0),
+        free=padded(assembly.free),
+        own=np.zeros((6, size), dtype),
+        inverse=np.zeros((6, size), dtype),
+        vectors=np.zeros((5, 3, size), dtype),
+        damping=links.damping or 0.0,
+        bend_damping=links.bend_damping or 0.0,
+    )
+    return matrix, layout
+
+
+def in_precision(record: Any, dtype: type[np.floating]) -> Any:
+    """A record of a mesh in another precision, with room of its own; a word of its room holds two numbers."""
+    word = np.uint64 if np.dtype(dtype) == np.float32 else np.complex128
+
+    def converted(name: str, value: Any) -> Any:
+        if name in ("words", "room"):
+            return np.zeros(value.shape, word)
+        is_real = isinstance(value, np.ndarray) and value.dtype.kind == "f"
+        return value.astype(dtype) if is_real else value
+
+    return type(record)(*(converted(*item) for item in record._asdict().items()))
+
+
+def _behind(values: Array, offset: int) -> Array:
+    """For each vertex the value of the one that far before it, zero before the first."""
+    return np.concatenate([np.zeros(offset), values[: len(values) - offset]])
