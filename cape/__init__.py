@@ -4,6 +4,7 @@ from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.cloth.fabric import Fabric
 from cape.cloth.fabrics import FABRICS, MEASUREMENTS, fabric
 from cape.cloth.measurement import Measurement
+from cape.garments.registry import GARMENTS
 from cape.measure.ledger import Balance, Ledger
 from cape.results.take import Take
 from cape.run.auto import Auto, AutoSimulation
@@ -24,6 +25,7 @@ from skeleton.shapes import Capsule
 
 __all__ = [
     "FABRICS",
+    "GARMENTS",
     "MEASUREMENTS",
     "SOLVERS",
     "TRBDF2",

@@ -131,8 +131,9 @@ class _Held:
             read_pose(Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]), scene.bones)
             for f in range(track.frames)
         ]
-        start = putting_on.placed(scene, poses[0])
-        held = [putting_on.held_by(scene, attachment, poses[0], start) for attachment in scene.attachments]
+        first = putting_on.dressing_pose(scene, poses[0])
+        start = putting_on.placed(scene, first)
+        held = [putting_on.held_by(scene, attachment, first, start) for attachment in scene.attachments]
         vertices = np.concatenate([*held, np.empty(0, np.int64)])
         distances, nearest = geodesic_distances(scene.cloth, vertices)
         if (nearest < 0).any():
@@ -140,14 +141,15 @@ class _Held:
         assembly = assemble(scene, held)
         if assembly.attached is None:
             return None
-        worn, spread = putting_on.hold_points(assembly, poses[0], held, start)
+        worn, spread = putting_on.hold_points(assembly, first, held, start)
         bones = assembly.attached.bones
-        poses = [poses[0]] * (PUT_ON_SAMPLES - 1) + poses
+        shares = np.linspace(0.0, 1.0, PUT_ON_SAMPLES)[:-1]
+        poses = [first.towards(poses[0], float(share)) for share in shares] + poses
         positions = np.stack([pose.positions for pose in poses])
         rotations = np.stack([pose.rotations_wxyz for pose in poses])
         farthest = (1.0 + stretch) * distances
         # Wherever the cloth starts, and where its neckline is tried for being in a collider.
-        for at, places in ((spread, start), (worn, putting_on.places_worn(scene, poses[0], start))):
+        for at, places in ((spread, start), (worn, putting_on.places_worn(scene, first, start))):
             held_at = positions[0, bones] + quaternions.rotate(rotations[0, bones], at)
             farthest = np.maximum(farthest, np.linalg.norm(places - held_at[nearest], axis=1))
         radii = np.zeros(len(vertices))
@@ -157,8 +159,7 @@ class _Held:
         np.maximum.at(spreads, place, off)
         np.maximum.at(lumped_radii, place, radii + off)
         spread, worn = spread[chosen], worn[chosen]
-        shares = np.linspace(0.0, 1.0, PUT_ON_SAMPLES)[:-1, None, None]
-        points = np.concatenate([spread + shares * (worn - spread), np.tile(worn, (track.frames, 1, 1))])
+        points = np.concatenate([spread + shares[:, None, None] * (worn - spread), np.tile(worn, (track.frames, 1, 1))])
         return cls(scene, positions, rotations, bones[chosen], points, spreads, lumped_radii, PUT_ON_SAMPLES - 1)
 
     def left_behind(self, times: FloatArray) -> FloatArray:

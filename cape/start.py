@@ -38,6 +38,7 @@ def check_start(scene: Scene, track: BoneTrack) -> tuple[Finding, ...]:
     """
     first = track.first(1)
     pose = read_pose(poses_of(first, scene.bones)[0], scene.bones)
+    pose = putting_on.dressing_pose(scene, pose)
     start = putting_on.placed(scene, pose)
     held = _held_points(scene, pose, start)
     loose = np.delete(start, np.concatenate([*(v for _, v, _ in held), np.empty(0, np.int64)]), axis=0)

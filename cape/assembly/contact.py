@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.self_contact import layers_of
-from cape.cloth.cloth import Cloth, MeshCloth, areas
+from cape.cloth.cloth import Cloth, areas
 from cape.kernels import store
 from cape.kernels.contact import shapes
 from cape.kernels.contact.faces import CHUNK, GROUP, SEEN
@@ -70,7 +70,7 @@ def link_distances(scene: Scene, colliders: Colliders, faces: Faces | None, link
             "nearest": (formula, ("float",) * 7),
             "gaps": (shapes.gaps.around(formula), (points, "int", "float", *numbers)),
         }
-        if faces is not None and colliders.records.thin[rows].any():
+        if faces is not None and faces.exposed[:, rows].any():
             wanted["planes"] = (shapes.planes.around(formula), (points, "int", *numbers))
         for field, (function, kinds) in wanted.items():
             put = _putter(colliders.records, field, rows)
@@ -133,15 +133,15 @@ def _faces(colliders: Colliders, layouts: Sequence[Layout], cloth: Cloth) -> Fac
     Vertices at the thickness t of a surface that is curved by r hold a triangle off it whose points are at most p from
     the nearest corner, where (r + t)^2 - p^2 >= r^2.
     """
-    reach = STRETCHED * _cover(cloth)
+    reach = (STRETCHED * _cover(cloth)) ** 2
     curvature, thickness = np.array([layout.curvature for layout in layouts]), colliders.records.thickness
     flat = np.isinf(curvature)
     held = np.where(flat, np.inf, thickness * (2.0 * np.where(flat, 0.0, curvature) + thickness))
-    colliders.records.thin = held < reach.max() ** 2
-    if not colliders.records.thin.any():
+    corners, reach = cloth.triangles[reach > held.min()].astype(np.int64), reach[reach > held.min()]
+    if not len(corners):
         return None
-    corners = cloth.triangles[reach**2 > held.min()].astype(np.int64)
-    corners = corners[np.argsort(corners.min(axis=1), kind="stable")]
+    order = np.argsort(corners.min(axis=1), kind="stable")
+    corners, reach = corners[order], reach[order]
     tile = corners.min(axis=1) // TILE
     place = np.arange(len(corners)) - np.searchsorted(tile, tile)
     starts = np.flatnonzero(place % GROUP == 0)
@@ -150,6 +150,7 @@ def _faces(colliders: Colliders, layouts: Sequence[Layout], cloth: Cloth) -> Fac
         starts=np.append(starts, len(corners)),
         tiles=tile[starts],
         longest=STRETCHED * _longest_edge(cloth),
+        exposed=np.maximum.reduceat(reach, starts)[:, None] > held,
         wake=np.zeros((len(starts), len(layouts)), np.int64),
         next=np.zeros(len(starts), np.int64),
         due=np.zeros(-(-len(starts) // CHUNK), np.int64),
@@ -162,19 +163,14 @@ def _faces(colliders: Colliders, layouts: Sequence[Layout], cloth: Cloth) -> Fac
     )
 
 
-def _flat(cloth: Cloth) -> FloatArray:
-    """Corners of the triangles in the pattern [m], shape (T, 3, 2)."""
-    return cloth.corners if isinstance(cloth, MeshCloth) else cloth.pattern[cloth.triangles]
-
-
 def _longest_edge(cloth: Cloth) -> float:
-    flat = _flat(cloth)
+    flat = cloth.corners_at_rest
     return float(np.linalg.norm(flat - np.roll(flat, 1, axis=1), axis=2).max())
 
 
 def _cover(cloth: Cloth) -> FloatArray:
     """Distance of the point of each triangle that is farthest from its corners, from the nearest of them [m], (T,)."""
-    flat = _flat(cloth)
+    flat = cloth.corners_at_rest
     edges = np.sort(np.linalg.norm(flat - np.roll(flat, 1, axis=1), axis=2), axis=1)
     a, b, c = edges.T
     # No shape is so thin that an obtuse triangle's longest edge, half of which bounds it, would need to be cut finer.

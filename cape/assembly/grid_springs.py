@@ -37,9 +37,9 @@ LEAST_SHARE = 0.1
 
 
 def grid_springs(cloth: GridCloth) -> Springs:
-    """Derive the springs of a grid from its pattern and fabric."""
+    """Derive the springs of a grid from its shape at rest and its fabric."""
     rows, columns, fabric = cloth.rows, cloth.columns, cloth.fabric
-    grid = cloth.pattern.reshape(rows, columns, 2)
+    grid = cloth.places_at_rest.reshape(rows, columns, -1)
     across = np.linalg.norm(np.diff(grid, axis=1), axis=2)
     along = np.linalg.norm(np.diff(grid, axis=0), axis=2)
     layers = np.ones_like(across[1:]) if cloth.layers is None else cloth.layers
@@ -71,7 +71,7 @@ def grid_springs(cloth: GridCloth) -> Springs:
     offsets = np.array([1, columns, columns + 1, columns - 1])
     rest = np.ones((4, rows * columns))
     for family, offset in enumerate(offsets):
-        ends = cloth.pattern[offset:] - cloth.pattern[:-offset]
+        ends = cloth.places_at_rest[offset:] - cloth.places_at_rest[:-offset]
         rest[family, : len(ends)] = np.linalg.norm(ends, axis=1)
     families = Families(
         offsets=offsets,

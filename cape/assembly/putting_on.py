@@ -42,6 +42,16 @@ def wearer_to_world(left: FloatArray, right: FloatArray, pelvis: FloatArray) -> 
     return np.stack([x, y, np.cross(x, y)], axis=1), origin
 
 
+def dressing_pose(scene: Scene, pose: Pose) -> Pose:
+    """The pose of the bones, and of the world as the last, in which a cloth is put on, for a motion from a pose on."""
+    if scene.dressing is None:
+        return pose
+    rotation, origin = _wearer(scene, pose)
+    positions = origin + scene.dressing.positions @ rotation.T
+    turns = quaternions.multiply(quaternions.from_matrix(rotation), scene.dressing.rotations_wxyz)
+    return Pose(np.concatenate([positions, pose.positions[-1:]]), np.concatenate([turns, pose.rotations_wxyz[-1:]]))
+
+
 def placed(scene: Scene, pose: Pose) -> FloatArray:
     """Positions of the vertices in the world where the cloth starts [m], shape (V, 3)."""
     cloth = scene.cloth

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.cloth.cloth import Cloth, MeshCloth
+from cape.cloth.cloth import Cloth
 from cape.cloth.triangle_mesh import edges_of
 from cape.kernels.self_contact.near_pairs import Pairs
 from cape.kernels.self_contact.patches import Patches, Sight
@@ -153,7 +153,7 @@ def turn(layers: Layers, rotation: FloatArray) -> None:
 def rest_shape(cloth: Cloth) -> FloatArray:
     """Where the vertices are without tension [m], shape (V, 3), pieces that aren't connected far from each other."""
     rest = np.column_stack([cloth.pattern, np.zeros(cloth.vertices)])
-    if isinstance(cloth, MeshCloth) and not np.array_equal(cloth.corners, cloth.pattern[cloth.faces]):
+    if not cloth.lies_flat:
         rest = np.array(cloth.positions)
     rest[:, 2] += 2.0 * np.ptp(rest, axis=0).max() * connected_pieces(cloth.triangles, cloth.vertices)
     return rest

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly.membrane import Membrane
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 
 FloatArray = NDArray[np.float64]
@@ -34,18 +35,19 @@ class Families:
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """E springs between two vertices, energy 1/2 k (l - l0)^2; K bend springs on four, energy 1/2 k |sum c_a p_a|^2.
+    """E springs between two vertices, energy 1/2 k (l - l0)^2; K bend springs on M, energy 1/2 k |sum c_a p_a|^2.
 
     Attributes:
         first: first ends, shape (E,).
         second: second ends, shape (E,).
-        stiffness: k [N/m], shape (E,), none of them zero.
+        stiffness: k [N/m], shape (E,), none of them zero unless a membrane takes their place.
         rest: rest length l0 [m], shape (E,).
         measured: which of them run along threads, or edges of a mesh: what stretch is measured on, shape (E,).
-        bend_vertices: shape (K, 4).
-        bend_coefficients: c, zero in sum, shape (K, 4); 0 where a bend spring has fewer vertices.
+        bend_vertices: shape (K, M); those of one triangle follow each other, on the same vertices.
+        bend_coefficients: c, zero in sum, shape (K, M); 0 where a bend spring has fewer vertices.
         bend_stiffness: [N/m], shape (K,), none of them zero.
         families: the same springs of a grid by family, None for a mesh.
+        membrane: what resists in the plane of a mesh in the springs' place, None where they do.
     """
 
     first: IntArray
@@ -57,6 +59,7 @@ class Springs:
     bend_coefficients: FloatArray
     bend_stiffness: FloatArray
     families: Families | None = None
+    membrane: Membrane | None = None
 
 
 def springs_of(cloth: Cloth) -> Springs:
@@ -66,7 +69,7 @@ def springs_of(cloth: Cloth) -> Springs:
 
         return grid_springs(cloth)
     if isinstance(cloth, MeshCloth):
-        from cape.assembly.mesh_springs import mesh_springs
+        from cape.assembly.mesh.springs import mesh_springs
 
         return mesh_springs(cloth)
     raise TypeError(f"no springs are known for a {type(cloth).__name__}")

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly.membrane import FAR_STRETCH, USUAL_STRETCH, stiffened
 from cape.assembly.springs import Springs
 from cape.cloth.fabric import Fabric
 
@@ -22,14 +23,19 @@ _known: OrderedDict[bytes, float] = OrderedDict()
 
 
 def largest_frequency(springs: Springs, inverse_mass: FloatArray, positions: FloatArray | None) -> float:
-    """Estimate the largest angular frequency of a spring network [rad/s], by Lanczos' method.
+    """Estimate the largest angular frequency of a cloth [rad/s], by Lanczos' method.
 
     `inverse_mass` [1/kg] has shape (N,), zero for attached vertices; `positions` [m], shape (N, 3), give the springs'
     directions u. The matrix is M^-1/2 K M^-1/2 with K the linearised stiffness at rest, springs k u u^T and bend
     springs. Without positions it is one that bounds all others: a spring at length L times its rest length resists with
     k (u u^T + (1 - 1 / L) (1 - u u^T)), which is at most k in all directions, however far it is strained or turned.
-    That is the same along all three axes, of which one is enough.
+    That is the same along all three axes, of which one is enough. A membrane, which grows stiffer without end as it is
+    stretched, is taken to be stretched by `USUAL_STRETCH` with positions, and by `FAR_STRETCH` without.
     """
+    membrane, gradients = springs.membrane, None
+    if membrane is not None and positions is not None:
+        gradients = membrane.gradients(positions)
+        gradients *= math.sqrt(stiffened(USUAL_STRETCH)) / np.linalg.norm(gradients, axis=2, keepdims=True)
     direction = np.ones((len(springs.first), 1))
     if positions is not None:
         direction = positions[springs.second] - positions[springs.first]
@@ -38,7 +44,13 @@ def largest_frequency(springs: Springs, inverse_mass: FloatArray, positions: Flo
     start = np.random.default_rng(0).standard_normal((len(root), direction.shape[1])) * (root > 0)
 
     def product(vectors: FloatArray) -> FloatArray:
-        return root * _stiffness_times(springs, direction, root * vectors)
+        moved = root * vectors
+        pushed = _stiffness_times(springs, direction, moved)
+        if membrane is not None and gradients is None:
+            pushed += stiffened(FAR_STRETCH) * membrane.bounding_forces(moved)
+        elif membrane is not None and gradients is not None:
+            pushed += membrane.forces_between(moved, gradients)
+        return root * pushed
 
     return math.sqrt(max(_largest_eigenvalue(product, start), 0.0))
 
@@ -124,7 +136,10 @@ def largest_step(springs: Springs, fabric: Fabric, inverse_mass: FloatArray, pos
     """
     digest = hashlib.sha256(repr((fabric.damping_time, fabric.bend_damping_time)).encode())
     places = np.empty(0) if positions is None else positions
-    for array in (springs.first, springs.second, springs.stiffness, springs.bend_stiffness, inverse_mass, places):
+    arrays = [springs.first, springs.second, springs.stiffness, springs.bend_stiffness, inverse_mass, places]
+    if springs.membrane is not None:
+        arrays += [springs.membrane.area, springs.membrane.stiffness, springs.membrane.slopes]
+    for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
     key = digest.digest()
     step = _known.get(key)

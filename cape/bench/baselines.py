@@ -76,8 +76,13 @@ class Limit(Loop):
         super().__init__(subject)
         strangers = np.stack([self._state[:, :STRANGERS]] * ROWS)
         strangers[1:] += self._dtype(APART)
-        coefficients = None if self._coefficients is None else np.ascontiguousarray(self._coefficients.T)
+        coefficients, stiffness = self._coefficients, self._bend_stiffness
+        if coefficients is not None and stiffness is not None:
+            # One on more than four vertices has the arithmetic of several.
+            four = np.pad(coefficients, ((0, 0), (0, -coefficients.shape[1] % 4)))
+            stiffness = np.repeat(stiffness, four.shape[1] // 4)
+            coefficients = np.ascontiguousarray(four.reshape(-1, 4).T)
         self._bind(
-            limit_step, *self._weights, *self._stiffness, self._damping, coefficients, self._bend_stiffness,
+            limit_step, *self._weights, *self._stiffness, self._damping, coefficients, stiffness,
             self._bend_damping, np.zeros((ROWS, 3, strangers.shape[2]), self._dtype), strangers,
         )  # fmt: skip

@@ -60,6 +60,7 @@ def replay(
     script: Script = None,
     output: Output = None,
     robot: Robot = None,
+    garment: Annotated[str, typer.Option(help="What is worn (cape garments lists them).")] = "back_cape",
     fabric: Annotated[str, typer.Option(help="Name of a fabric (cape fabrics lists them).")] = "cape",
     spacing: Annotated[
         float | None, typer.Option(help="Mean distance of the cloth's vertices [m]; by default for 1,500 of them.")
@@ -128,6 +129,7 @@ def replay(
             packages=tuple(packages or ()),
         ),
         Cut(
+            garment=garment,
             fabric=fabric,
             spacing=spacing,
             length=length,
@@ -210,6 +212,14 @@ def fabrics(json: Json = False) -> int:
 
 
 @app.command()
+def garments(json: Json = False) -> int:
+    """List what a character may wear."""
+    from cape.cli.commands.garments import run
+
+    return run(json=json)
+
+
+@app.command()
 def info(
     clip: Annotated[
         str | None, typer.Argument(help=CLIP_HELP + " A robot's name or URDF file tells of the robot.")
@@ -282,11 +292,14 @@ def report(
         list[str] | None, typer.Option("--scene", help="Only this standard scene; may be repeated.")
     ] = None,
     solver: Annotated[list[str] | None, typer.Option("--solver", help="Only this solver; may be repeated.")] = None,
+    only: Annotated[
+        str | None, typer.Option("--only", help="One section alone: scenes, stress, spacings, energy or world.")
+    ] = None,
 ) -> int:
     """Measure error against run time of every solver: a page, diagrams, report.json, and recordings side by side."""
     from cape.cli.commands.report import report as measure
 
-    return measure(output=output, quick=quick, scenes=tuple(scene or ()), solvers=tuple(solver or ()))
+    return measure(output=output, quick=quick, scenes=tuple(scene or ()), solvers=tuple(solver or ()), only=only)
 
 
 def _split(layers: str | None) -> list[str] | None:

@@ -222,6 +222,16 @@ class Cloth(ABC):
 
     @property
     @abstractmethod
+    def corners_at_rest(self) -> FloatArray:
+        """Corners of each triangle where it has no tension [m], shape (T, 3, 2) or (T, 3, 3)."""
+
+    @property
+    @abstractmethod
+    def lies_flat(self) -> bool:
+        """Whether all of it lies flat at once without tension, as its pattern does."""
+
+    @property
+    @abstractmethod
     def texcoords(self) -> NDArray[np.float32]:
         """Texture coordinates, 0 to 1 over the cloth, shape (V, 2)."""
 
@@ -260,10 +270,28 @@ class GridCloth(Cloth):
     Attributes:
         rows: number of rows.
         columns: number of columns.
+        darted: whether darts or gathers give it a shape that does not lie flat: it has no tension where it starts, and
+            its pattern is a mere picture of it. Otherwise it has none as its pattern.
     """
 
     rows: int
     columns: int
+    darted: bool = False
+
+    @property
+    def places_at_rest(self) -> FloatArray:
+        """Where the vertices are when nothing pulls at them [m], shape (V, 2) if they lie flat, otherwise (V, 3)."""
+        return self.positions if self.darted else self.pattern
+
+    @property
+    def corners_at_rest(self) -> FloatArray:
+        """Corners of each triangle where it has no tension [m], shape (T, 3, 2), (T, 3, 3) where it has darts."""
+        return self.places_at_rest[self.triangles]
+
+    @property
+    def lies_flat(self) -> bool:
+        """Whether all of it lies flat at once without tension, as its pattern does."""
+        return not self.darted
 
     @property
     def triangles(self) -> NDArray[np.int32]:
@@ -282,9 +310,7 @@ class GridCloth(Cloth):
     def masses(self) -> FloatArray:
         """Mass of each vertex [kg], shape (V,): a third of its triangles' area in the pattern times the density."""
         layers = np.ones(1) if self.layers is None else np.tile(self.layers.ravel(), 2)
-        return _thirds(
-            self.triangles, areas(self.pattern[self.triangles]) * layers * self.fabric.density, self.vertices
-        )
+        return _thirds(self.triangles, areas(self.corners_at_rest) * layers * self.fabric.density, self.vertices)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -298,6 +324,16 @@ class MeshCloth(Cloth):
 
     faces: IntArray
     corners: FloatArray
+
+    @property
+    def corners_at_rest(self) -> FloatArray:
+        """Corners of each triangle where it has no tension [m], shape (T, 3, 2)."""
+        return self.corners
+
+    @property
+    def lies_flat(self) -> bool:
+        """Whether all of it lies flat at once without tension, as its pattern does."""
+        return np.array_equal(self.corners, self.pattern[self.faces])
 
     @property
     def triangles(self) -> NDArray[np.int32]:
@@ -317,8 +353,10 @@ class MeshCloth(Cloth):
 
 
 def areas(corners: FloatArray) -> FloatArray:
-    """Areas of flat triangles with corners (T, 3, 2) [m], shape (T,) [m2]."""
+    """Areas of triangles with corners (T, 3, 2) or (T, 3, 3) [m], shape (T,) [m2]."""
     p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    if corners.shape[2] == 3:
+        return np.linalg.norm(np.cross(p, q), axis=1) / 2.0
     return np.abs(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]) / 2.0
 
 

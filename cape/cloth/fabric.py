@@ -22,7 +22,8 @@ class Fabric:
     Cloth is made of springs here, whose sums obey the relation of Cauchy: what couples both threads, C1122, is always
     the shear stiffness, so that a fabric has no ratio of Poisson of its own to choose. Pulled along one thread and free
     across, a cloth narrows by shear / stretch of the thread across, and resists with that much less: along the warp
-    with stretch_warp - shear^2 / stretch_weft.
+    with stretch_warp - shear^2 / stretch_weft. A mesh whose edges let no springs be the fabric resists as a membrane of
+    the same numbers (`cape.assembly.membrane`).
 
     The default values are no measured fabric's but those that figures of cape have been made with. They are about twice
     as stiff along the threads and in bending as the cloth of a real cape, `FABRICS["worsted"]`, and eight times in

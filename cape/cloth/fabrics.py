@@ -178,6 +178,7 @@ MEASUREMENTS: Final[dict[str, Measurement]] = {
         w=12.38,
         thickness=0.497,
         drape=82.9,
+        folds=2,
         like=WORSTED.fabric,
     ),
     "wool-tropical": by_kes(
@@ -189,6 +190,7 @@ MEASUREMENTS: Final[dict[str, Measurement]] = {
         w=16.29,
         thickness=0.407,
         drape=49.8,
+        folds=5,
         like=WORSTED.fabric,
     ),
     "polyester-tropical": by_kes(
@@ -200,6 +202,7 @@ MEASUREMENTS: Final[dict[str, Measurement]] = {
         w=11.65,
         thickness=0.34,
         drape=50.7,
+        folds=5,
         like=WORSTED.fabric,
     ),
     "faille": by_kes(
@@ -211,6 +214,7 @@ MEASUREMENTS: Final[dict[str, Measurement]] = {
         w=10.43,
         thickness=0.226,
         drape=28.3,
+        folds=7,
         like=WORSTED.fabric,
     ),
     "chiffon-weight": by_cantilever(

@@ -55,6 +55,7 @@ class Measurement:
         bend_friction: moment per width that friction holds against bending [N], which is not simulated; None likewise.
         thickness: under little pressure [m]; None: not measured.
         drape: measured drape coefficient, as a share; None: not measured.
+        folds: in which it was seen to fall then; None: not told.
     """
 
     fabric: Fabric
@@ -69,6 +70,7 @@ class Measurement:
     bend_friction: float | None = None
     thickness: float | None = None
     drape: float | None = None
+    folds: int | None = None
 
 
 def bending_lengths(fabric: Fabric) -> tuple[float, float]:
@@ -187,9 +189,10 @@ def by_kes(
     w: float,
     thickness: float,
     drape: float,
+    folds: int,
     like: Fabric,
 ) -> Measurement:
-    """A fabric by KES: B [gf cm2/cm], 2HB [gf cm/cm], W [mg/cm2], thickness [mm], and its drape [%].
+    """A fabric by KES: B [gf cm2/cm], 2HB [gf cm/cm], W [mg/cm2], thickness [mm], its drape [%] and folds.
 
     The source gives means of both threads. What it does not give is that of the fabric `like`, by mass.
     """
@@ -205,12 +208,14 @@ def by_kes(
             "W": f"{w:g} mg/cm2",
             "T": f"{thickness:g} mm",
             "drape": f"{drape:g} %",
+            "folds": f"{folds}",
         },
         filled=BY_MASS | DAMPING,
         remark="mean of both threads; friction holds folds that an elastic cloth lets go, so that it drapes less",
         bend_friction=conversions.kes_bending_friction(hb2),
         thickness=1e-3 * thickness,
         drape=1e-2 * drape,
+        folds=folds,
     )
 
 

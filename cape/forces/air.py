@@ -34,7 +34,7 @@ class Air(Force):
             cells = np.zeros((cloth.rows, cloth.columns), dtype=dtype)
             cells[:-1, :-1] = 1.0
             return GridAir(*air, cells.ravel(), cloth.columns)
-        from cape.assembly.mesh_links import mesh_air_record
+        from cape.assembly.mesh.links import mesh_air_record
 
         return mesh_air_record(cloth, *air, dtype)
 

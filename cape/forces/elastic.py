@@ -1,4 +1,4 @@
-"""What keeps a cloth together: springs and bend springs, with damping."""
+"""What keeps a cloth together: springs or a membrane, and bend springs, with damping."""
 
 from typing import ClassVar, Literal, NamedTuple
 
@@ -9,7 +9,9 @@ from cape.assembly.assemble import Assembly
 from cape.cloth.cloth import GridCloth
 from cape.forces.base import Acting, Force
 from cape.kernels.cloth.grid import GridBends, GridForces, GridSprings, grid_bends, grid_springs
-from cape.kernels.cloth.mesh import MeshBends, MeshForces, MeshSprings, mesh_springs
+from cape.kernels.cloth.membrane import MembraneForces, MeshMembrane, mesh_membrane
+from cape.kernels.cloth.mesh import MeshForces, MeshSprings, mesh_springs
+from cape.kernels.cloth.mesh_bending import MeshBendForces, MeshBends, mesh_bends
 from cape.kernels.program import Use
 from cape.scene.scene import Scene
 
@@ -28,38 +30,43 @@ class Elastic(Force):
 
     @staticmethod
     def arrays(assembly: Assembly, dtype: type[np.floating]) -> "Links":
-        """The springs and bend springs, of a grid by family, or of a mesh by link."""
+        """The springs and bend springs, of a grid by family, or of a mesh by link; or a membrane."""
         return links_of(assembly, dtype)
 
     @staticmethod
     def uses(acting: Acting, arrays: "Links") -> list[Use]:
-        """One unit, for grids or for meshes."""
-        a = arrays
+        """One unit for a grid; for a mesh one of springs or of a membrane, and one of bending where there is any."""
+        a, state, forces = arrays, acting.state, acting.forces
         if isinstance(a.springs, GridSprings):
             assert acting.room is not None
             assert not isinstance(a.bends, MeshBends)
-            group = GridForces(acting.state, a.springs, a.bends, a.damping, a.bend_damping, acting.forces, acting.room)
+            group = GridForces(state, a.springs, a.bends, a.damping, a.bend_damping, forces, acting.room)
             return [Use(grid_springs, group)]
         assert not isinstance(a.bends, GridBends)
-        return [
-            Use(mesh_springs, MeshForces(acting.state, a.springs, a.bends, a.damping, a.bend_damping, acting.forces))
-        ]
+        if isinstance(a.springs, MeshMembrane):
+            uses = [Use(mesh_membrane, MembraneForces(state, a.springs, a.damping, forces))]
+        else:
+            uses = [Use(mesh_springs, MeshForces(state, a.springs, a.damping, forces))]
+        if a.bends is not None:
+            uses.append(Use(mesh_bends, MeshBendForces(state, a.bends, a.bend_damping, forces)))
+        return uses
 
     @staticmethod
     def energy(assembly: Assembly, positions: NDArray[np.float64]) -> float:
-        """Energy of stretched and bent springs [J]."""
+        """Energy of stretched and bent springs, and of a membrane [J]."""
         springs = assembly.springs
         lengths = np.linalg.norm(positions[springs.second] - positions[springs.first], axis=1)
         bends = np.einsum("km,kmc->kc", springs.bend_coefficients, positions[springs.bend_vertices])
-        return 0.5 * float(springs.stiffness @ (lengths - springs.rest) ** 2) + 0.5 * float(
-            springs.bend_stiffness @ np.sum(bends**2, axis=1)
-        )
+        stretched = 0.5 * float(springs.stiffness @ (lengths - springs.rest) ** 2)
+        if springs.membrane is not None:
+            stretched += springs.membrane.energy(positions)
+        return stretched + 0.5 * float(springs.bend_stiffness @ np.sum(bends**2, axis=1))
 
 
 class Links(NamedTuple):
-    """Springs and bend springs in a precision, with damping times [s]; None for what a cloth lacks."""
+    """Springs or a membrane, and bend springs, in a precision, with damping times [s]; None for what a cloth lacks."""
 
-    springs: GridSprings | MeshSprings
+    springs: GridSprings | MeshSprings | MeshMembrane
     bends: GridBends | MeshBends | None
     damping: float | None
     bend_damping: float | None
@@ -85,7 +92,9 @@ def links_of(assembly: Assembly, dtype: type[np.floating]) -> Links:
             bends = grid_bends(families.bend_stiffness, families.twist_stiffness, assembly.cloth.columns, dtype)
         grid = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
         return Links(grid, bends, *times)
-    from cape.assembly.mesh_links import mesh_bends_record, mesh_springs_record
+    from cape.assembly.mesh.links import mesh_bends_record, mesh_membrane_record, mesh_springs_record
 
     bends = mesh_bends_record(springs, count, dtype) if has_bends else None
+    if springs.membrane is not None:
+        return Links(mesh_membrane_record(springs.membrane, count, dtype), bends, *times)
     return Links(mesh_springs_record(springs, count, dtype), bends, *times)

@@ -11,7 +11,8 @@ All may also be called from Python, with arrays, numbers and NamedTuples of them
 run needs is there, the compiler is not even imported.
 
 No fast math: every operation is done as written, in IEEE arithmetic, so that a result has the same bits whether a loop
-was vectorised or not, inlined or not, compiled just now or taken from the disk, on one thread or many.
+was vectorised or not, inlined or not, compiled just now or taken from the disk, on one thread or many. Where a product
+and a sum may be one instruction, `kernels.fused` says so.
 """
 
 import importlib

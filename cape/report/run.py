@@ -18,6 +18,8 @@ from cape.report.measured.resolution import Row as SpaceRow
 from cape.report.measured.stability import Outcome, stress
 from cape.report.measured.sweep import REFERENCE_SHARE, Row, Sweep, sweep
 from cape.report.measured.trajectory import Stage
+from cape.report.measured.world.rows import Row as WorldRow
+from cape.report.measured.world.trials import summed_up, trials_of
 from cape.report.plan import Plan
 from cape.scene.standard_scenes import standard_scene
 from motions.errors import FileError
@@ -85,6 +87,7 @@ class Report:
         stability: what became of each stress case with each solver.
         space: what the spacing of the vertices is worth.
         energy: where it comes from and goes, of each scene in question with each solver, at two settings.
+        world: figures of the textile tests.
     """
 
     plan: Plan
@@ -92,6 +95,7 @@ class Report:
     stability: list[Outcome]
     space: list[SpaceRow] = field(default_factory=list)
     energy: list[Account] = field(default_factory=list)
+    world: list[WorldRow] = field(default_factory=list)
     machine: dict[str, Any] = field(default_factory=machine)
     versions: dict[str, str] = field(default_factory=versions)
 
@@ -105,6 +109,7 @@ class Report:
             "stability": [outcome.as_json() for outcome in self.stability],
             "space": [row.as_json() for row in self.space],
             "energy": [account.figures for account in self.energy],
+            "world": [row.as_json() | {"verdict": row.verdict} for row in self.world],
             "references": [scene.uncertainty.as_json() for scene in self.scenes],
         }
 
@@ -120,7 +125,7 @@ def run(
     Args:
         plan: how much.
         folder: where the figures of what is done are kept until all are there; an interrupted run goes on from them.
-        told: called before each scene, before the stress cases and before the spacings, with a name and the number of
+        told: called before each scene and before each other part, with a name and the number of
             steps; gives what is called at each step.
         keep: called with each scene's runs while they are in memory.
 
@@ -153,7 +158,9 @@ def run(
                 parts.write(part, known)
             outcomes.append(Outcome.from_json(known))
             advance()
-    return Report(plan, scenes, outcomes, _space(plan, parts, told), _energy(plan, parts, told))
+    return Report(
+        plan, scenes, outcomes, _space(plan, parts, told), _energy(plan, parts, told), _world(plan, parts, told)
+    )
 
 
 def _space(plan: Plan, parts: "_Parts", told: Told) -> list[SpaceRow]:
@@ -193,6 +200,23 @@ def _energy(plan: Plan, parts: "_Parts", told: Told) -> list[Account]:
                 found += [Account(**fields) for fields in known["accounts"]]
                 advance()
     return found
+
+
+def _world(plan: Plan, parts: "_Parts", told: Told) -> list[WorldRow]:
+    """The figures of all textile tests that the plan names, those that are known and those that are not yet."""
+    wanted = trials_of(plan.world)
+    if not wanted:
+        return []
+    found: list[WorldRow] = []
+    advance = told("textile tests", len(wanted))
+    for trial in wanted:
+        known = parts.read(trial.name)
+        if known is None:
+            known = {"rows": [row.as_json() for row in trial.run()]}
+            parts.write(trial.name, known)
+        found += [WorldRow.from_json(row) for row in known["rows"]]
+        advance()
+    return summed_up(found)
 
 
 class _Parts:

@@ -1,74 +1,49 @@
 """Method and step from a tolerance, or from the time that a frame may take.
 
-Symplectic Euler at its largest stable step is far more accurate than cloth needs, and on usual fabrics hardly slower
-than XPBD; on stiff ones it needs so many steps that XPBD, with as many as the tolerance asks for, is faster by far. So
-the choice is between the two, by the number of their steps. The number of XPBD's begins with what a hanging cloth tells
-(`hanging_step`) and follows the errors that a `Watch` measures on parts of the run.
+Solver and steps begin with what a hanging cloth tells (`choice`, `sagging`). Within a tolerance, part after part of the
+motion is then compared with the same part in half as many steps, or twice as many. Where the poses to come are known
+(`AutoSimulation.expect`) that is done before a part's first frame is handed on, and the part is taken again in shorter
+steps where it misses. In a loop that tells one pose at a time it can only be done afterwards, for what follows; and
+before the first frame, as if the bones moved on as they begin to.
 """
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from cape.assembly.chains import Chain, chain_of
-from cape.run.simulation import DEFAULT_CUTS, Simulation, Snapshot
-from cape.run.step_error import FREE_WINDOW, TOUCHED_WINDOW, StepError, Watch, window_of
+from cape.assembly.chains import chain_of
+from cape.results.take import StepError
+from cape.run.ahead import Ahead, Coming, Part, Taken, onwards
+from cape.run.choice import AIM, DEARER, EASY, FEWEST, FRAME, TOLERANCE, Auto, Choice
+from cape.run.sagging import Sagging
+from cape.run.simulation import DEFAULT_CUTS, Diverged, Simulation, Snapshot
+from cape.run.step_error import TOUCHED_WINDOW, distance, is_touched, window_of
 from cape.scene.jumps import Cuts
-from cape.scene.poses import Bones
+from cape.scene.poses import Bones, Pose, read_pose
 from cape.scene.scene import Scene
 from cape.solvers import XPBD, Solver, SymplecticEuler
 from motions.errors import ValueRangeError
 
-TOLERANCE = 1e-3  # m, where nothing is asked for
-FRAME = 1.0 / 60.0  # s
-DEARER = 2.2  # times as long as one of Euler takes a step of XPBD
-SAG, LAG = 0.3, 5.7  # share, and m/s: errors of XPBD on a hanging cloth (`hanging_step`)
-FEWEST = 8  # steps of XPBD in a frame at 60 Hz: with fewer, cloth is rubber
-GATHERED = {"xpbd": 0.8, "euler": 0.2}  # of the tolerance, for a part of a free motion: a whole run gathers more
+GATHERED = 0.8  # of the tolerance, for a part of a free motion: a whole run gathers more
+BRIEF = 0.2  # of the tolerance, for a part of a free motion that is as short as one that is touched
 START = 1.2  # times the tolerance, that a first guess aims at
-AIM = 0.8  # of the error that is allowed, which a change of the step aims at
-EASY, HARD = 0.25, 1.25  # of it, below which longer steps are tried, and above which shorter ones
-LEAST_CHANGE, MOST_CHANGE = 0.25, 1.5  # of the step at once: it becomes longer slowly, as a motion may begin gently
-REST = {"xpbd": 2.0, "euler": 3.0}  # s between two parts that are watched, while errors are small,
-SHORT_REST = 0.75  # of it, while they are more than
-PRESSING, FAR = 0.5, 2.0  # of what is allowed; none beyond
+TRIES = 6  # of a part, at most
+PILOTS = (FEWEST // 2, FEWEST)  # steps of XPBD in a frame that tell how many more are needed
+MOST_KEPT = 4_000_000  # vertices of all frames that are kept at once: some 200 MB
+REST_FREE = 3.0  # s between two parts that are compared of a motion that is free,
+REST_TOUCHED = 0.3  # and of one that is touched, where errors are `FAR_BELOW` what is allowed
+FAR_BELOW = 0.1  # of it
+FASTER = 1.5  # times as fast as when it was last compared, cloth is compared again
 FILLED = 0.8  # of the budget, that is planned for
 CLOSE = 0.8  # of what is planned, above which steps stay as they are
-FINEST = 8.0  # times as short as stable steps of Euler, beyond which contact tells more than the step
+FINEST_IN_TIME = 8.0  # times as short as stable steps of Euler, within a budget
 ADJUSTED = 30  # frames after which the number of steps is adjusted to the budget
 
-
-@dataclass(frozen=True, kw_only=True)
-class Auto:
-    """Ask for an error or for a time instead of a solver and its steps; one of them.
-
-    Attributes:
-        tolerance: root mean square error that the time step may cause [m]: of the whole motion, where cloth swings
-            freely; of a tenth of a second where it touches something or flutters, and no step keeps runs together for
-            longer. None for 1 mm, or for what the budget allows.
-        budget: wall time that a frame may take [s], for the most accurate run that fits; it depends on the machine.
-    """
-
-    name: ClassVar[str] = "auto"
-    tolerance: float | None = None
-    budget: float | None = None
-
-    def __post_init__(self) -> None:
-        """Check the settings.
-
-        Raises:
-            ValueRangeError: one is not positive, or both are given.
-        """
-        for name, value in (("tolerance", self.tolerance), ("budget", self.budget)):
-            if value is not None and not 0.0 < value < math.inf:
-                raise ValueRangeError(f"the {name} must be positive and finite, not {value}")
-        if self.tolerance is not None and self.budget is not None:
-            raise ValueRangeError("give a tolerance or a budget: the one decides what becomes of the other")
+__all__ = ["Auto", "AutoSimulation"]
 
 
 class AutoSimulation(Simulation):
@@ -76,7 +51,9 @@ class AutoSimulation(Simulation):
 
     Attributes:
         asked: what it chooses for.
-        errors: the errors of the time step that it has measured, none in a run within a budget.
+        errors: of the time step, as the run itself estimated them, none in a run within a budget. Each is of a part of
+            the motion, or of the whole where it is free and was known. `simulate(..., check_steps=True)` measures them
+            as of any other run.
     """
 
     def __init__(
@@ -102,28 +79,29 @@ class AutoSimulation(Simulation):
         """
         super().__init__(scene, solver=XPBD(), threads=threads, cuts=cuts)
         self.asked = asked
-        self._watch: Watch | None = None
-        self._step = FRAME / FEWEST  # of XPBD [s]
-        self._finer = 1.0  # times as short as stable ones are Euler's steps
-        self._stable = FRAME  # largest stable step of Euler [s]
-        self._rest = 0.0
+        self.errors: list[StepError] = []
+        self._choice = Choice()
+        self._twin: Simulation | None = None
+        self._ahead = Ahead([])
+        self._open: Part | None = None
+        self._rest = self._time = self._speed = 0.0
         self._clock = clock
         self._spent: list[float] = []
-
-    @property
-    def errors(self) -> list[StepError]:
-        """The errors of the time step that have been measured."""
-        return [] if self._watch is None else self._watch.errors
 
     @property
     def _solvers(self) -> tuple[Solver, ...]:
         return SymplecticEuler(), XPBD()
 
     @property
+    def tolerance(self) -> float:
+        """Error that the time step may cause [m]."""
+        return self.asked.tolerance or TOLERANCE
+
+    @property
     def allowed(self) -> float:
         """Error that a part of the motion may have [m]."""
-        free = window_of(self.scene) == FREE_WINDOW
-        return (self.asked.tolerance or TOLERANCE) * (GATHERED[self.solver.name] if free else 1.0)
+        free = self._choice.free
+        return self.tolerance * ((BRIEF if self._choice.explodes_at_half else GATHERED) if free else 1.0)
 
     def start(
         self,
@@ -136,104 +114,272 @@ class AutoSimulation(Simulation):
         """Choose solver and steps, then start as `Simulation.start` does."""
         self._choose(bones)
         super().start(bones, settle=settle, velocity=velocity, spin=spin)
-        self._begin_to_watch()
 
     def start_from(self, snapshot: Snapshot) -> None:
         """Choose solver and steps, then start as `Simulation.start_from` does."""
         self._choose(snapshot.first_pose.without_world())
         self._cloth = None
         super().start_from(snapshot)
-        self._begin_to_watch()
+
+    def expect(self, poses: Sequence[Bones], steps: ArrayLike) -> None:
+        """Tell which poses `step` will be given next, and after how long each [s], shape (F,).
+
+        Within a tolerance, parts of the motion are then tried before their first frame is handed on, and taken again in
+        shorter steps where they miss it. A call that comes with another pose ends that.
+
+        Raises:
+            UnknownNameError: a bone's pose is missing.
+            ValueRangeError: a pose is not finite, or there are more or fewer steps than poses.
+        """
+        durations = np.asarray(steps, dtype=float)
+        if durations.shape != (len(poses),):
+            raise ValueRangeError(f"{len(poses)} poses need as many steps, not of shape {durations.shape}")
+        told = [read_pose(pose, self.bones).without_world() for pose in poses]
+        self._ahead = Ahead([Coming(pose, float(dt)) for pose, dt in zip(told, durations, strict=True)])
 
     def step(self, bones: Bones, dt: float) -> None:
         """Advance the cloth as `Simulation.step` does, and look now and then whether the steps suit."""
         if self._cloth is None:
             self.start(bones)
+        if self.asked.budget is not None:
+            self._step_in_time(bones, dt)
+            return
+        pose = read_pose(bones, self.bones).without_world()
+        if self._ahead.is_next(pose, dt):
+            if not self._ahead.taken:
+                self._take_ahead()
+            self._go_to(self._ahead.hand_on())
+            return
+        self._ahead = Ahead([])
+        if self._time == 0.0 and 0.0 < dt < math.inf:
+            self._rehearse(pose, dt)
+        self._step_and_look(pose, dt)
+
+    def _step_in_time(self, bones: Bones, dt: float) -> None:
         self._take_steps(dt)
         begun = self._clock()
-        if self._watch is not None and not self._watch.watching and self._rest <= 0.0:
-            # Euler's errors are small, and twice its steps are dear.
-            self._watch.begin(TOUCHED_WINDOW if isinstance(self.solver, SymplecticEuler) else None)
         super().step(bones, dt)
-        if self._watch is None:
-            self._spent.append(self._clock() - begun)
-            if len(self._spent) >= ADJUSTED:
-                self._fit(float(np.mean(self._spent)))
-            return
+        self._spent.append(self._clock() - begun)
+        if len(self._spent) >= ADJUSTED:
+            self._fit(float(np.mean(self._spent)))
+
+    def _step_and_look(self, pose: Pose, dt: float) -> None:
+        """Take a frame of which none is known beforehand; at the end of a part, adjust the steps to come."""
+        if self._open is None and self._rest <= 0.0:
+            self._open = Part(self.snapshot(), [])
+        jumps = self.jumps
+        self._take_steps(dt)
+        super().step(pose, dt)
+        self._time += dt
         self._rest -= dt
-        self._watch.note(bones, dt)
-        if self._watch.full:
-            self._judge(self._watch.end())
+        if self.jumps != jumps:
+            self._open = None
+        if self._open is not None:
+            self._open.frames.append((Coming(pose, dt), self.substeps))
+            if self._open.seconds > (TOUCHED_WINDOW if self._choice.explodes_at_half else window_of(self.scene)) - 1e-9:
+                error = self._compare(self._open)
+                self._open = None
+                self.errors.append(error)
+                self._adjust(error.rms / self.allowed)
+
+    def _rehearse(self, pose: Pose, dt: float) -> None:
+        """Find out which steps suit if the bones move on as they begin to, before the first frame is handed on."""
+        cloth = self._started
+        here = Pose(*cloth.pose).moved(cloth.origin).without_world()
+        frames = [Coming(each, dt) for each in onwards(here, pose, math.ceil(window_of(self.scene) / dt - 1e-9))]
+        start = self._taken()
+        self._try_part(frames)
+        self._go_to(start)
+        self._time = self._rest = 0.0
+        self.errors.clear()
+
+    def _take_ahead(self) -> None:
+        """Take the part of the motion that comes next, until its error is allowed."""
+        start, frames = self._taken(), self._ahead.part(math.inf)
+        taken: list[Taken] = []
+        if isinstance(self.solver, XPBD) and self._choice.free:
+            taken = self._climb(frames[: max(1, MOST_KEPT // self.scene.cloth.vertices)])
+        self._ahead.taken.extend(taken or self._try_part(self._ahead.part(window_of(self.scene))))
+        self._go_to(start)
+
+    def _climb(self, frames: list[Coming]) -> list[Taken]:
+        """Take frames of a free motion in ever shorter steps of XPBD, until the error of all of them is allowed.
+
+        What is learned from long steps, which cost little, tells how short they must be. Nothing is returned where
+        Euler's are then the better ones.
+
+        Raises:
+            Diverged: the first frame explodes.
+        """
+        start, snapshot, taken = self._taken(), self.snapshot(), []
+        runs = [self._pilot(snapshot, frames, count) for count in PILOTS]
+        allowed, error = self.tolerance, math.nan
+        # Of the two parts of an error long steps tell the sum; what is likely of a hanging cloth, their quotient.
+        choice, likely = self._choice, self._choice.sagging
+        scale = distance(runs[0][1], runs[1][1]) / (likely.error(runs[0][0]) - likely.error(runs[1][0]))
+        choice.step = likely.step(AIM * allowed / scale)
+        for _ in range(TRIES):
+            self._go_to(start)
+            choice.step = min(choice.step, FRAME / (FEWEST + 1))
+            choice.decide()
+            if not isinstance(choice.solver, XPBD):
+                return []
+            jumps, taken, places = self.jumps, [], []
+            try:
+                for coming in frames:
+                    self._take_steps(coming.dt)
+                    super().step(*coming)
+                    taken.append(self._taken())
+                    places.append(self.positions)
+            except Diverged:
+                if not taken:
+                    raise
+                break
+            if self.jumps != jumps:
+                break
+            runs.append((FRAME / choice.count(FRAME), np.array(places)))
+            (long, first), (middle, second), (short, third) = runs[-3:]
+            found = Sagging.measured((long, middle, short), (distance(first, second), distance(second, third)))
+            error = found.error(short)
+            if error <= allowed:
+                break
+            choice.step = found.step(AIM * allowed)
+        seconds = sum(coming.dt for coming in frames[: len(taken)])
+        self._time += seconds
+        self.errors.append(StepError(self._time, error, self.solver.name, self.substeps, seconds))
+        return taken
+
+    def _pilot(self, start: Snapshot, frames: list[Coming], count: int) -> tuple[float, NDArray[np.float64]]:
+        """Take frames in steps of XPBD of which so many make a frame at 60 Hz.
+
+        Returns:
+            The step [s], and the positions at the end of each frame [m], shape (F, V, 3).
+        """
+        pilot = Simulation(self.scene, solver=XPBD(substeps=count), threads=self.threads, cuts=None)
+        pilot.start_from(start)
+        places = []
+        for pose, dt in frames:
+            pilot.change_solver(XPBD(substeps=max(1, math.ceil(count * dt / FRAME - 1e-9))))
+            pilot.step(pose, dt)
+            places.append(pilot.positions)
+        return FRAME / count, np.array(places)
+
+    def _try_part(self, frames: list[Coming]) -> list[Taken]:
+        """Take frames from here, again in shorter steps where they miss what is allowed; the good ones of those taken.
+
+        Raises:
+            Diverged: the first of them explodes.
+        """
+        start, time = self._taken(), self._time
+        span, taken = sum(coming.dt for coming in frames), []
+        for attempt in range(TRIES):
+            part, taken = Part(self.snapshot(), []), []
+            jumps, self._time = self.jumps, time
+            try:
+                for coming in frames:
+                    if self._choice.explodes_at_half and self._time - time < span - TOUCHED_WINDOW + 1e-9:
+                        part = Part(self.snapshot(), [])
+                    self._take_steps(coming.dt)
+                    super().step(*coming)
+                    self._time += coming.dt
+                    part.frames.append((coming, self.substeps))
+                    taken.append(self._taken())
+            except Diverged:
+                if not taken:
+                    raise
+                break
+            if self.jumps != jumps or not self._is_due:
+                break
+            error = self._compare(part)
+            share = error.rms / self.allowed
+            if share <= 1.0 or attempt == TRIES - 1 or not self._choice.shorten(share):
+                self.errors.append(error)
+                self._adjust(share)
+                break
+            self._go_to(start)
+        self._rest -= sum(coming.dt for coming in frames[: len(taken)])
+        return taken
+
+    @property
+    def _is_due(self) -> bool:
+        """Whether it is time to compare a part, or the cloth has become much faster since one was."""
+        return self._rest <= 0.0 or _speed(self.velocities) > FASTER * self._speed
+
+    def _compare(self, part: Part) -> StepError:
+        """The error that the run has gathered in a part that it has just ended, by half as many steps, or twice."""
+        solver, growth = self.solver, self._choice.growth
+        twice = self._choice.explodes_at_half or min(substeps for _, substeps in part.frames) < 2
+        here, rms, self._speed = self.positions, math.inf, _speed(self.velocities)
+        if self._twin is None:
+            self._twin = Simulation(self.scene, solver=solver, threads=self.threads, cuts=None)
+        else:
+            self._twin.change_solver(solver)
+        twin = self._twin
+        twin.start_from(part.start)
+        try:
+            for (pose, dt), substeps in part.frames:
+                twin.change_solver(replace(solver, substeps=2 * substeps if twice else substeps // 2))
+                twin.step(pose, dt)
+            rms = distance(twin.positions, here) / (1.0 - 1.0 / growth if twice else growth - 1.0)
+        except Diverged:
+            pass
+        return StepError(self._time, rms, solver.name, part.frames[-1][1], part.seconds, math.log2(growth))
+
+    def _taken(self) -> Taken:
+        counts = (self.substeps, self.retried, self.refined, self.unconverged, self.jumps)
+        return Taken(self._started.frame(), self.solver, counts)
+
+    def _go_to(self, taken: Taken) -> None:
+        """Be where a frame ended; steps stay as they were changed since."""
+        self._started.go_back_to(taken.frame)
+        self.substeps, self.retried, self.refined, self.unconverged, self.jumps = taken.counts
 
     def _choose(self, bones: Bones) -> None:
         """Choose for a cloth that hangs from bones at a pose."""
-        euler = SymplecticEuler()
-        tried = Simulation(self.scene, solver=euler, threads=self.threads)
+        tried = Simulation(self.scene, solver=SymplecticEuler(), threads=self.threads)
         tried.start(bones, settle=0.0)
-        self._watch, self._rest, self._finer, self._spent = None, 0.0, 1.0, []
-        self._stable = FRAME / tried.forecast(FRAME).substeps
+        forecast = tried.forecast(FRAME)
+        self._twin, self._open, self._spent, self.errors = None, None, [], []
+        self._rest = self._time = self._speed = 0.0
+        self._choice = choice = Choice(
+            stable=FRAME / forecast.substeps,
+            sagging=Sagging.of(chain_of(tried.assembly)),
+            free=not is_touched(self.scene),
+        )
         if self.asked.budget is None:
-            wanted = START * (self.asked.tolerance or TOLERANCE)
-            self._step = min(hanging_step(chain_of(tried.assembly), wanted), FRAME / FEWEST)
-            self.solver = euler if self._euler_is_faster else XPBD(substeps=self._count(FRAME))
-            return
-        room = FILLED * self.asked.budget
-        slow = tried.forecast(FRAME).seconds
+            choice.aim_at(START * self.tolerance)
+        else:
+            self._choose_in_time(tried, forecast.seconds)
+        self.solver = choice.for_frame(FRAME)
+
+    def _choose_in_time(self, tried: Simulation, slow: float) -> None:
+        """Choose what fits into the budget, where a frame of Euler takes `slow` [s]."""
+        assert self.asked.budget is not None
+        room, choice = FILLED * self.asked.budget, self._choice
         if slow <= room:
-            self._finer = min(room / slow, FINEST)
-            self.solver = self._finer_euler()
+            choice.refine(room / slow, FINEST_IN_TIME)
             return
         costs = []
         for count in (10, 40):
             tried.change_solver(XPBD(substeps=count))
             costs.append(tried.forecast(FRAME).seconds)
         each = max((costs[1] - costs[0]) / 30.0, 1e-9)
-        self._step = FRAME / max(1, int((room - costs[0]) / each + 10.0))
-        self.solver = XPBD(substeps=self._count(FRAME))
-
-    def _begin_to_watch(self) -> None:
-        if self.asked.budget is None:
-            self._watch = Watch(self)
-
-    @property
-    def _euler_is_faster(self) -> bool:
-        return self._stable * DEARER >= self._step
-
-    def _finer_euler(self) -> Solver:
-        usual = SymplecticEuler()
-        return usual if self._finer == 1.0 else replace(usual, margin=usual.margin / self._finer)
-
-    def _make_finer(self, times: float) -> None:
-        """Make Euler's steps so many times as short, as far as that makes sense."""
-        finer = min(max(times * self._finer, 1.0), FINEST)
-        if finer != self._finer:
-            self._finer = finer
-            self.change_solver(self._finer_euler())
+        choice.solver, choice.step = XPBD(), FRAME / max(1, int((room - costs[0]) / each + 10.0))
 
     def _take_steps(self, dt: float) -> None:
-        """Set the number of steps in a frame of `dt` [s]."""
-        if isinstance(self.solver, XPBD):
-            count = self._count(dt)
-            if count != self.solver.substeps:
-                self.change_solver(replace(self.solver, substeps=count))
+        """Use the solver that is chosen, and as many of its steps as a frame of `dt` [s] needs."""
+        solver = self._choice.for_frame(dt)
+        if solver != self.solver:
+            self.change_solver(solver)
 
-    def _count(self, dt: float) -> int:
-        """Steps of XPBD in a frame of `dt` [s]."""
-        return max(1, math.ceil(dt / self._step - 1e-9))
-
-    def _judge(self, error: StepError) -> None:
-        """Change the step where the error tells so, and decide when to look again."""
-        share = error.rms / self.allowed
-        change = min(max((AIM / max(share, 1e-9)) ** (1.0 / self.solver.order), LEAST_CHANGE), MOST_CHANGE)
-        if share > HARD or share < EASY:
-            if isinstance(self.solver, XPBD):
-                self._step = min(self._step * change, FRAME / FEWEST)
-                if self._euler_is_faster:
-                    self.change_solver(SymplecticEuler())
-            else:
-                self._make_finer(1.0 / change)
-        if share <= FAR:
-            self._rest = REST[self.solver.name] * (SHORT_REST if share > PRESSING else 1.0)
+    def _adjust(self, share: float) -> None:
+        """Take other steps where an error is that share of what is allowed, and decide when to look again."""
+        if share > 1.0:
+            self._choice.shorten(share)
+        elif share < EASY:
+            self._choice.lengthen(share)
+        free = self._choice.free
+        self._rest = REST_FREE if free and share <= 1.0 else REST_TOUCHED if share < FAR_BELOW else 0.0
 
     def _fit(self, seconds: float) -> None:
         """Adjust the steps to the wall time that frames have taken [s]."""
@@ -242,19 +388,15 @@ class AutoSimulation(Simulation):
         share = seconds / (FILLED * self.asked.budget)
         if CLOSE < share < 1.0 / FILLED:
             return
-        if isinstance(self.solver, XPBD):
-            self._step = min(self._step * share, FRAME)
-        elif share > 1.0 and self._finer == 1.0:
-            self._step = self._stable * DEARER * share
-            self.change_solver(XPBD())
+        choice = self._choice
+        if isinstance(choice.solver, XPBD):
+            choice.step = min(choice.step * share, FRAME)
+        elif share > 1.0 and choice.finer == 1.0:
+            choice.solver, choice.step = XPBD(), choice.stable * DEARER * share
         else:
-            self._make_finer(1.0 / share)
+            choice.refine(1.0 / share, FINEST_IN_TIME)
+        self._take_steps(FRAME)
 
 
-def hanging_step(chain: Chain, error: float) -> float:
-    """The step [s] of XPBD at which hanging cloth is likely to have an error [m], root mean square over its vertices.
-
-    On the scenes `swing` and `stiff` errors are `SAG` of the chain's sag, and `LAG` times the step.
-    """
-    sag = SAG * chain.sag
-    return 2.0 * error / (LAG + math.sqrt(LAG**2 + 4.0 * sag * error))
+def _speed(velocities: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(np.sum(velocities**2, axis=1))))

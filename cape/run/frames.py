@@ -11,12 +11,10 @@ from cape.reach import Reach
 from cape.results.take import StepError, Take
 from cape.run.auto import AutoSimulation
 from cape.run.simulation import Simulation
-from cape.run.step_error import Watch
-from cape.scene.poses import Bones, poses_of
+from cape.run.step_error import ScheduledWatch, schedule
+from cape.scene.poses import poses_of
 from cape.scene.scene import Scene
 from skeleton.track import BoneTrack
-
-CHECKED = 0.5  # s between the parts of a motion whose error is measured
 
 
 @dataclass(frozen=True)
@@ -44,7 +42,7 @@ class Frames:
         self._readings = []
         self._jumps: list[int] = []
         self._solve_s = 0.0
-        self._checks = _Checks(simulation) if check_steps and not isinstance(simulation, AutoSimulation) else None
+        self._checks = ScheduledWatch(simulation, schedule(scene, track.times)) if check_steps else None
         self._keep(0)
 
     @property
@@ -99,28 +97,10 @@ class Frames:
 
     @property
     def _errors(self) -> tuple[StepError, ...]:
-        if isinstance(self._simulation, AutoSimulation):
-            return tuple(self._simulation.errors)
-        return () if self._checks is None else tuple(self._checks.errors)
+        if self._checks is not None:
+            return tuple(self._checks.errors)
+        return tuple(self._simulation.errors) if isinstance(self._simulation, AutoSimulation) else ()
 
     def _keep(self, frame: int) -> None:
         self._readings.append(self._simulation.read(self._meter, self._all_poses[frame]))
         self._positions.append(self._simulation.positions.astype(np.float32))
-
-
-class _Checks(Watch):
-    """A watch over one part of the motion in `CHECKED` seconds."""
-
-    def __init__(self, run: Simulation) -> None:
-        super().__init__(run)
-        self._due = 0.0
-        self.begin()
-
-    def note(self, bones: Bones, dt: float) -> None:
-        super().note(bones, dt)
-        self._due += dt
-        if self.full:
-            self.end()
-        if not self.watching and self._due >= CHECKED:
-            self._due = 0.0
-            self.begin()

@@ -25,6 +25,7 @@ FloatArray = NDArray[np.float64]
 
 SETTLING_FRAME = 1.0 / 60.0  # s
 PUT_ON_TIME = 0.8  # s in which what bones hold moves from where it starts to where it is worn
+DRESSED_TIME = 0.5, 1.5  # s at which bones leave the pose in which the cloth is put on, and have reached the first one
 SETTLING_TIME = 3.2  # s at most, from the start
 SETTLED_SPEED = 0.02  # m/s, root mean square over the vertices
 SETTLING_DAMPING = 0.9  # share of the velocity that is left after each frame of settling
@@ -59,6 +60,15 @@ class Place(NamedTuple):
     hold: tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]] | None
 
 
+class Frame(NamedTuple):
+    """All that a cloth goes on from after a frame: a moment, where its origin and the bones are, and what they hold."""
+
+    moment: Moment
+    origin: FloatArray
+    pose: Pose
+    hold: tuple[NDArray[np.floating], ...]
+
+
 class Hanging:
     """A cloth put on, at rest at first.
 
@@ -79,9 +89,10 @@ class Hanging:
             ValueRangeError: the cape can't be put on, or a vertex is held twice.
         """
         self._solver, self._threads = solver, threads
+        first, pose = pose, putting_on.dressing_pose(scene, pose)
         positions = putting_on.placed(scene, pose)
         self.origin = np.round(positions.mean(axis=0))
-        self.pose = pose.moved(-self.origin)
+        self.pose, self._first = pose.moved(-self.origin), first.moved(-self.origin)
         positions = positions - self.origin
         held = [putting_on.held_by(scene, a, self.pose, positions) for a in scene.attachments]
         require_held_once(held)
@@ -128,6 +139,10 @@ class Hanging:
         """Substeps in `dt` [s] that the solver would choose, whatever was asked for."""
         return replace(self._solver, substeps=None).choose_substeps(self._running, dt, strained=strained)
 
+    def toward_limit(self, dt: float, substeps: int) -> Solver:
+        """What leads soonest to where shorter steps would lead than `substeps` in `dt` [s]."""
+        return self._solver.toward_limit(self._running, dt, substeps)
+
     def change_solver(self, solver: Solver) -> None:
         """Go on with another solver from where the cloth is."""
         if replace(solver, substeps=None) != replace(self._solver, substeps=None):
@@ -160,11 +175,13 @@ class Hanging:
         For `duration` [s], None for as long as it needs where there is anything to move; the air comes as if the bones
         moved at `velocity` [m/s].
         """
+        dressed = self.assembly.scene.dressing is not None
         if duration is None:
-            duration = 0.0 if np.array_equal(self._worn, self._spread) else SETTLING_TIME
-        attached, wind, pose = self.assembly.attached, self.assembly.wind, self.pose
+            duration = SETTLING_TIME if dressed or not np.array_equal(self._worn, self._spread) else 0.0
+        attached, wind = self.assembly.attached, self.assembly.wind
         wind -= velocity
-        motion = Motion(*pose, *pose)
+        leave, arrive = DRESSED_TIME if dressed else (0.0, PUT_ON_TIME)
+        begin, end = self.pose, self._first
         substeps = max(self.choose_substeps(SETTLING_FRAME), self.own_choice(SETTLING_FRAME))
         for frame in range(1, round(duration / SETTLING_FRAME) + 1):
             now = frame * SETTLING_FRAME
@@ -172,13 +189,17 @@ class Hanging:
                 share = min(now / PUT_ON_TIME, 1.0)
                 share = share * share * (3.0 - 2.0 * share)
                 attached.points[:] = self._spread + share * (self._worn - self._spread)
-            self.complete(motion, SETTLING_FRAME, substeps, self.moment())
+            share = min(max((now - leave) / (arrive - leave), 0.0), 1.0)
+            pose = begin.towards(end, share * share * (3.0 - 2.0 * share)) if dressed else end
+            self.complete(Motion(*self.pose, *pose), SETTLING_FRAME, substeps, self.moment())
+            self.pose = pose
             self.note_lift(SETTLING_FRAME)
             for component in self.state[3:]:
                 component *= SETTLING_DAMPING
             speed = np.sqrt(sum(float(np.mean(np.square(c, dtype=float))) for c in self.state[3:]))
-            if now > 1.5 * PUT_ON_TIME and speed < SETTLED_SPEED:
+            if now > 1.5 * arrive and speed < SETTLED_SPEED:
                 break
+        self.pose = end
         if attached is not None:
             attached.points[:] = self._worn
         wind += velocity
@@ -313,6 +334,20 @@ class Hanging:
         self._pinched[:] = before.pinched
         if self.assembly.layers is not None and before.layers is not None:
             self_contact.put_back(self.assembly.layers, before.layers)
+
+    def frame(self) -> Frame:
+        """A copy of all that the cloth goes on from."""
+        held = self.assembly.attached
+        hold = () if held is None else (held.points.copy(), held.lift.copy(), held.drift.copy())
+        return Frame(self.moment(), self.origin, self.pose, hold)
+
+    def go_back_to(self, frame: Frame) -> None:
+        """Put all that back, in the precision of the solver that there is now."""
+        self.restore(frame.moment)
+        self.origin, self.pose = frame.origin, frame.pose
+        held = self.assembly.attached
+        if held is not None:
+            held.points[:], held.lift[:], held.drift[:] = frame.hold
 
     @contextmanager
     def taken_back(self) -> Iterator[Moment]:

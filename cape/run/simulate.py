@@ -86,6 +86,8 @@ def simulate(
     simulation.start(first_pose, settle=settle, velocity=velocity, spin=spin)
     times = Times(compiled - started, time.perf_counter() - compiled)
     forewarn(simulation, np.diff(track.times))
+    if isinstance(simulation, AutoSimulation):
+        simulation.expect(poses_of(track, simulation.bones)[1:], np.diff(track.times))
 
     frames, result, trouble = Frames(simulation, scene, track, check_steps=check_steps), "finished", []
     try:

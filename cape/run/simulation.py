@@ -211,6 +211,15 @@ class Simulation:
         self._started.change_solver(solver)
         self.solver = solver
 
+    def toward_limit(self, dt: float, substeps: int) -> Solver:
+        """What leads soonest to where ever shorter steps would lead than `substeps` in `dt` [s], and how many of them
+        to begin with.
+
+        Raises:
+            ValueRangeError: the simulation has not been started.
+        """
+        return self._started.toward_limit(dt, substeps)
+
     def compile(self, bones: Bones, *, measured: Scene | None = None) -> None:
         """Compile all that a run needs which is not kept yet, on all cores at once, and load it.
 

@@ -1,15 +1,17 @@
 """A character's own cape: cut to its measures, held by its shoulders, kept out by its limbs and its floor."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
+from cape.garments import registry
+from cape.garments.base import Measures
+from cape.garments.fitting import Fitted
 from cape.scene.attachments import attach
 from cape.scene.colliders import Collider
 from cape.scene.floor import floor_under
+from cape.scene.poses import Pose
 from cape.scene.scene import WEARER_ROLES, Scene
 from cape.scene.wind import Wind
 from skeleton.track import BoneTrack
@@ -17,18 +19,14 @@ from skeleton.track import BoneTrack
 if TYPE_CHECKING:
     from skeleton.model import Skeleton
 
-LENGTH = 0.62  # of the body's height: from the shoulders to the middle of the shins
-SPACING = 0.0137  # of the body's height
-# Skeletons place shoulder joints anywhere from the neck's side to the deltoid; a cape is cut to a plausible width.
-NARROWEST, WIDEST = 0.19, 0.26  # of the body's height
-
 
 def dress(
     body: "Skeleton",
     track: BoneTrack,
     *,
+    garment: str = registry.DEFAULT,
     length: float | None = None,
-    flare: float = 2.0,
+    flare: float | None = None,
     spacing: float | None = None,
     fabric: Fabric | None = None,
     colliders: Sequence[Collider] | None = None,
@@ -39,39 +37,36 @@ def dress(
     Args:
         body: the character.
         track: its motion, of all bones.
-        length: of the cape [m]; None for 0.62 of the body's height.
-        flare: length of the hem divided by that of the neckline.
-        spacing: mean distance of neighbouring vertices [m]; None for 0.0137 of the body's height, about 1,500 vertices.
+        garment: which of `GARMENTS`.
+        length: of the cape [m]; None for the garment's own, as 0.62 of the body's height.
+        flare: length of the hem divided by that of the neckline, or of the ring around the shoulders where the garment
+            lies on them; None for the garment's own.
+        spacing: mean distance of neighbouring vertices [m]; None for the garment's own, as 0.0137 of the body's height.
         fabric: None for that of `Fabric()`.
         colliders: what surrounds its limbs; None for capsules by the proportions of the human body.
         wind: the air; None for still air.
 
     Raises:
         ValueRangeError: a size is out of range.
-        UnknownNameError: the body has no shoulders, upper arms or pelvis that are known by name.
+        UnknownNameError: there is no such garment, or the body has no shoulders, upper arms, chest or pelvis that are
+            known by name.
     """
-    height = body.height()
-    cloth = Cloth.cape(
-        length=LENGTH * height if length is None else length,
-        flare=flare,
-        spacing=SPACING * height if spacing is None else spacing,
-        shoulder_width=float(np.clip(body.shoulder_width(), NARROWEST * height, WIDEST * height)),
-        fabric=fabric,
-    )
-    shoulders = [attach(cloth, f"{side}_shoulder", f"top_{side}") for side in ("left", "right")]
-    for role in (*(a.bone for a in shoulders), *WEARER_ROLES):
-        body.role(role)  # says how to name a bone by hand where none is found
+    kind = registry.garment(garment)
     colliders = body.capsules() if colliders is None else tuple(colliders)
+    fitted = Fitted(body, colliders)
+    cloth, holds, arms_lowered = kind.fit(fitted, Measures(length=length, flare=flare, spacing=spacing, fabric=fabric))
+    for role in (*(hold.bone for hold in holds), *WEARER_ROLES):
+        body.role(role)  # says how to name a bone by hand where none is found
     scene = Scene(
         cloth,
-        shoulders,
+        [attach(cloth, hold.bone, hold.region, points=hold.points) for hold in holds],
         (*colliders, floor_under(colliders, track)),
         wind=wind or Wind(),
         wearer=(_beginning(body, WEARER_ROLES[0]), _beginning(body, WEARER_ROLES[1]), WEARER_ROLES[2]),
     )
     for bone in scene.bones:
         track.index(bone)
-    return scene
+    return replace(scene, dressing=Pose(*fitted.pose(scene.bones))) if arms_lowered else scene
 
 
 def _beginning(body: "Skeleton", role: str) -> str:

@@ -23,6 +23,13 @@ class Pose(NamedTuple):
         """Give the pose that lies a vector [m] further on."""
         return Pose(self.positions + shift, self.rotations_wxyz)
 
+    def towards(self, other: "Pose", share: float) -> "Pose":
+        """A pose on the way to another one, 0 to 1 of it: straight, turning at an even rate."""
+        return Pose(
+            self.positions + share * (other.positions - self.positions),
+            quaternions.slerp(self.rotations_wxyz, other.rotations_wxyz, share),
+        )
+
     def without_world(self) -> "Pose":
         """The pose as it was before `read_pose` added the world."""
         return Pose(self.positions[:-1], self.rotations_wxyz[:-1])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cape.cloth.cloth import Cloth
 from cape.scene.attachments import Attachment
 from cape.scene.colliders import Collider
+from cape.scene.poses import Pose
 from cape.scene.self_contact import SelfContact
 from cape.scene.wind import Wind
 from motions.errors import ValueRangeError
@@ -34,6 +35,8 @@ class Scene:
             what lies between the vertices.
         self_contact: how the cloth touches itself; None to let it pass through itself.
         wearer: the bones, or their roles, at which the left and the right arm begin, and the pelvis: where a cape is.
+        dressing: pose of `bones`, in the wearer's frame, in which the cloth is put on, before these go to where the
+            motion begins; None to put it on there.
     """
 
     cloth: Cloth
@@ -45,6 +48,7 @@ class Scene:
     thickness: float = 0.005
     self_contact: SelfContact | None = None
     wearer: tuple[str, str, str] = WEARER_ROLES
+    dressing: Pose | None = None
 
     def __post_init__(self) -> None:
         """Check what can be checked without bones.

@@ -152,7 +152,8 @@ def plain(*, spacing: float = 0.0257, fabric: Fabric | None = None, seconds: flo
 def worn(clip: str, *, vertices: int | None = None, fabric: Fabric | None = None) -> StandardScene:
     """A cape on a body that moves as a shipped clip tells, with about so many vertices."""
     import motions
-    from cape.scene.dress import SPACING, dress
+    from cape.garments.back_cape import SPACING
+    from cape.scene.dress import dress
     from skeleton.model import Skeleton
 
     motion = motions.load(clip)

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -31,7 +31,7 @@ class Solver(ABC):
         substeps: steps in each frame, None to let the solver choose.
         precision: of the cloth's positions and velocities; None to let the solver choose.
         usual_precision: what it chooses, unless a scene needs another.
-        order: power of the step by which errors of moving cloth shrink, as measured on the scene `swing`.
+        order: power of the step by which errors shrink, in theory, once steps are short enough.
         sweeps: whether springs act by impulses that are found in sweeps over them, rather than by their forces.
         title: what it is called in tables and pictures.
         colour: that pictures draw it in.
@@ -64,6 +64,18 @@ class Solver(ABC):
     def dtype(self, assembly: Assembly) -> type[np.floating]:
         """The precision for a scene, as a numpy type: as asked, or the usual one."""
         return np.float32 if (self.precision or self.usual_precision) == "single" else np.float64
+
+    def toward_limit(self, running: Running, duration: float, substeps: int) -> "Solver":
+        """What leads soonest to where ever shorter steps of this solver would lead, with steps to begin with.
+
+        Where its own, of which it takes `substeps` in a frame of `duration` [s], are as good as any, it is itself, in
+        twice as many.
+        """
+        return self.in_steps(2 * substeps, duration)
+
+    def in_steps(self, substeps: int, duration: float) -> "Solver":
+        """The same method with so many steps in a frame of `duration` [s], in a precision that does for them."""
+        return replace(self, substeps=substeps)
 
     def init(self, assembly: Assembly, state: State) -> Running:
         """Prepare to step a cloth from a state, in the solver's precision, which steps change in place."""

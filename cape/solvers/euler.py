@@ -1,7 +1,7 @@
 """Symplectic Euler: v += dt a, then x += dt v with the new v."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -78,6 +78,11 @@ class SymplecticEuler(Solver):
             return np.float64
         return super().dtype(assembly)
 
+    def in_steps(self, substeps: int, duration: float) -> "SymplecticEuler":
+        """The same with so many steps in a frame of `duration` [s], in double precision where they are too short."""
+        precision = "double" if duration / substeps <= SHORTEST_SINGLE_STEP else self.precision
+        return replace(self, substeps=substeps, precision=precision)
+
     def arrays(self, assembly: Assembly) -> EulerArrays:
         """Convert the forces and find the largest stable step."""
         dtype = self.dtype(assembly)
@@ -117,6 +122,6 @@ class SymplecticEuler(Solver):
 def _stable_step(assembly: Assembly) -> float:
     cloth = assembly.cloth
     flat = cloth.positions
-    if isinstance(cloth, GridCloth):
+    if isinstance(cloth, GridCloth) and not cloth.darted:
         flat = np.column_stack([cloth.pattern, np.zeros(cloth.vertices)])
     return largest_step(assembly.springs, cloth.fabric, assembly.inverse_mass, flat)

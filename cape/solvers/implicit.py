@@ -12,8 +12,9 @@ from cape.assembly.assemble import Assembly, force_scratch, inertia_of
 from cape.forces.base import Force
 from cape.forces.elastic import Elastic, Links
 from cape.forces.registry import forces_of
-from cape.kernels.cloth.grid import GridBends, GridRoom, GridSprings
-from cape.kernels.cloth.mesh import MeshBends
+from cape.kernels.cloth.grid import GridRoom, GridSprings
+from cape.kernels.cloth.membrane import MembraneForces, MeshMembrane
+from cape.kernels.cloth.mesh_bending import MeshBends
 from cape.kernels.contact.penalty import Penalty, PenaltyContact, find_touchable, press_colliders
 from cape.kernels.contact.units import note_motion
 from cape.kernels.implicit.conjugate_gradients import CHUNK
@@ -44,7 +45,21 @@ from cape.kernels.implicit.implicit import (
     place_bones,
     solve_stage,
 )
-from cape.kernels.implicit.mesh_stiffness import MeshStiffness, add_mesh_diagonal, linearise_mesh, multiply_mesh
+from cape.kernels.implicit.membrane_stiffness import (
+    MembraneStiffness,
+    add_membrane_diagonal,
+    linearise_membrane,
+    multiply_membrane,
+)
+from cape.kernels.implicit.mesh_stiffness import (
+    MeshBendStiffness,
+    MeshStiffness,
+    add_mesh_bend_diagonal,
+    add_mesh_diagonal,
+    linearise_mesh,
+    multiply_mesh,
+    multiply_mesh_bends,
+)
 from cape.kernels.implicit.stiffness import (
     Blocks,
     GridStiffness,
@@ -63,7 +78,7 @@ from cape.kernels.program import Use
 from cape.kernels.self_contact.self_contact import PressedAcceleration, PressedForces, add_held, add_pressure
 from cape.kernels.state import Inertia
 from cape.solvers.base import Precision, Solver
-from cape.solvers.implicit_matrix import Layout, link_blocks, matrix_of
+from cape.solvers.matrix import Layout, link_blocks, matrix_of
 from cape.solvers.multigrid import Levels, levels_of, multigrid
 from cape.solvers.order import Order, begin_frame, end_substep, forces, wait
 from cape.solvers.running import Running, Thread
@@ -276,14 +291,24 @@ class ImplicitSolver(Solver):
                 arrays.scratch[thread.rank],
             )  # fmt: skip
             first, last, product = Use(linearise_springs, grid), Use(add_grid_diagonal, grid), Use(multiply_grid, grid)
-        else:
-            assert not isinstance(links.bends, GridBends)
+        elif isinstance(links.springs, MeshMembrane):
             assert layout.ends is not None
-            mesh = MeshStiffness(
-                running.state, links.springs, links.bends, arrays.matrix, layout.coefficients, layout.ends
-            )
+            assert layout.membrane is not None
+            still = MembraneForces(running.state, links.springs, None, arrays.work.forces)
+            sheet = MembraneStiffness(still, layout.membrane, arrays.matrix, layout.coefficients, layout.ends)
+            first, last = Use(linearise_membrane, sheet), Use(add_membrane_diagonal, sheet)
+            product = Use(multiply_membrane, sheet)
+        else:
+            assert layout.ends is not None
+            mesh = MeshStiffness(running.state, links.springs, arrays.matrix, layout.coefficients, layout.ends)
             first, last, product = Use(linearise_mesh, mesh), Use(add_mesh_diagonal, mesh), Use(multiply_mesh, mesh)
-        return [first, *wait(thread), *own, start, last, invert], [Use(multiply_own, arrays.matrix), product]
+        diagonals, products = [last], [Use(multiply_own, arrays.matrix), product]
+        if layout.bends is not None:
+            assert layout.diagonal is not None
+            bends = MeshBendStiffness(layout.bends, arrays.matrix, layout.diagonal)
+            diagonals.append(Use(add_mesh_bend_diagonal, bends))
+            products.append(Use(multiply_mesh_bends, bends))
+        return [first, *wait(thread), *own, start, *diagonals, invert], products
 
     def _place(self, thread: Thread, at: float) -> list[Use]:
         """Place the bones, and what they hold, at a share of the step."""

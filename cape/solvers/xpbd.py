@@ -10,20 +10,25 @@ from numpy.typing import ArrayLike, NDArray
 from cape.assembly.assemble import Assembly, force_scratch, inertia_of
 from cape.assembly.chains import Chain, chain_of
 from cape.assembly.coloring import by_color
+from cape.assembly.membrane import Membrane
+from cape.assembly.springs import Springs
 from cape.cloth.cloth import GridCloth
 from cape.forces.base import Force
 from cape.forces.elastic import Elastic, damping_times
 from cape.forces.registry import forces_of
 from cape.kernels.cloth.grid import GridRoom
+from cape.kernels.cloth.membrane import Tension
 from cape.kernels.linking import Linker
 from cape.kernels.program import Use
 from cape.kernels.solve.attachments import Held, aim_attached
 from cape.kernels.state import Inertia
 from cape.kernels.xpbd.formulas import Constraints
 from cape.kernels.xpbd.grid import GridConstraints, GridSweeps, prepare_grid, solve_grid
-from cape.kernels.xpbd.mesh import MeshConstraints, MeshSweeps, prepare_mesh, solve_mesh
+from cape.kernels.xpbd.membrane import MembraneConstraints
+from cape.kernels.xpbd.mesh import MeshConstraints, MeshSweeps, SpringConstraints, prepare_mesh, solve_mesh
 from cape.kernels.xpbd.xpbd import Blown, Falling, blow_all, drift_all, fall_all
 from cape.solvers.base import Precision, Solver
+from cape.solvers.euler import SymplecticEuler
 from cape.solvers.order import Order, begin_frame, end_substep, forces, move_bones, wait
 from cape.solvers.running import Running, Thread
 from motions.errors import ValueRangeError
@@ -32,6 +37,7 @@ Array = NDArray[np.floating]
 
 SUBSTEPS = 40  # at least, per frame at 60 Hz, where none are asked for
 TOO_LONG = 0.0025  # of its length, that cloth may hang down too far with as many as are chosen
+DEAR = 16  # times as many steps as were taken, that it may cost at least to learn where shorter ones lead
 SWEPT = 0.5  # of a chain's sag, that is left by sweeps; 0.43 to 0.51 as measured
 HANDS = 3  # that the rows of a grid are dealt to, see kernels.xpbd.grid
 
@@ -69,7 +75,7 @@ class XPBD(Solver):
     colour: ClassVar[str] = "#c8553d"
     measured_steps: ClassVar[tuple[int, ...]] = (5, 10, 20, 40, 80, 160, 320)
     usual_precision: ClassVar[Precision] = "single"
-    order: ClassVar[float] = 1.8
+    order: ClassVar[float] = 1.0
     sweeps: ClassVar[bool] = True
     iterations: int = 1
 
@@ -106,6 +112,19 @@ class XPBD(Solver):
         if self.substeps is not None:
             return self.substeps
         return max(1, round(SUBSTEPS * 60.0 * duration), math.ceil(duration / running.arrays.longest_step))
+
+    def toward_limit(self, running: Running, duration: float, substeps: int) -> Solver:
+        """Symplectic Euler's stable steps, unless they are more than `DEAR` times as many as were taken.
+
+        Both come to the same as steps shrink, as constraints are as compliant as springs and contact is the same. But
+        cloth sags in few steps of XPBD. When it is let go, in steps ever shorter, it rebounds, and as long as they are
+        longer than stable ones of Euler the sweeps damp that: steps of XPBD then seem to converge to where they don't.
+        """
+        euler = SymplecticEuler()
+        stable = euler.choose_substeps(euler.init(running.assembly, running.state), duration)
+        if stable > DEAR * substeps:
+            return super().toward_limit(running, duration, substeps)
+        return euler.in_steps(stable * 2 ** max(0, math.ceil(math.log2(0.25 * substeps / stable))), duration)
 
     def units(self, thread: Thread, linker: Linker) -> Order:
         """Predict velocities, sweep over the constraints, move; then contact."""
@@ -180,25 +199,55 @@ class XPBD(Solver):
 
     def _mesh(self, assembly: Assembly, dtype: type[np.floating]) -> MeshConstraints:
         springs, weights = assembly.springs, assembly.inverse_mass
-        pairs, hinges = np.stack([springs.first, springs.second], axis=1), springs.bend_vertices
-        colors, bend_colors = by_color(pairs), by_color(hinges)
-        pairs, hinges = pairs[colors.order], hinges[bend_colors.order]
-        coefficients = springs.bend_coefficients[bend_colors.order]
+        stretched = membrane = None
+        if springs.membrane is not None:
+            membrane = self._membrane(springs.membrane, dtype)
+        else:
+            stretched = self._springs(springs, weights, dtype)
+        vertices, coefficients, stiffness = _patches(springs)
+        colors = by_color(vertices)
+        vertices, coefficients = vertices[colors.order], coefficients[colors.order]
+        coupled = np.einsum("krm,km,ksm->krs", coefficients, weights[vertices], coefficients)
         bend = None
-        if len(hinges):
-            mobility = (coefficients**2 * weights[hinges]).sum(axis=1)
-            bend = self._constraints(springs.bend_stiffness[bend_colors.order], None, mobility, dtype)
+        if len(vertices):
+            mobility = np.diagonal(coupled, axis1=1, axis2=2)
+            bend = self._constraints(stiffness[colors.order].ravel(), None, mobility.ravel(), dtype)
         return MeshConstraints(
+            springs=stretched,
+            membrane=membrane,
+            vertices=vertices.astype(np.uint32),
+            coefficients=coefficients.astype(dtype),
+            mixed=coupled[:, (0, 0, 1), (1, 2, 2)].astype(dtype),
+            bend_starts=colors.starts,
+            bend=bend,
+        )
+
+    def _springs(self, springs: Springs, weights: Array, dtype: type[np.floating]) -> SpringConstraints:
+        pairs = np.stack([springs.first, springs.second], axis=1)
+        colors = by_color(pairs)
+        pairs = pairs[colors.order]
+        return SpringConstraints(
             first=pairs[:, 0].astype(np.uint32),
             second=pairs[:, 1].astype(np.uint32),
             starts=colors.starts,
             stretch=self._constraints(
                 springs.stiffness[colors.order], springs.rest[colors.order], weights[pairs].sum(axis=1), dtype
             ),
-            vertices=hinges.astype(np.uint32),
-            coefficients=coefficients.astype(dtype),
-            bend_starts=bend_colors.starts,
-            bend=bend,
+        )
+
+    def _membrane(self, membrane: Membrane, dtype: type[np.floating]) -> MembraneConstraints:
+        edges = membrane.edges()
+        colors = by_color(edges.vertices)
+        order, c = colors.order, membrane.stiffness
+        impulse = np.zeros((len(order), 3), dtype=dtype) if self.iterations > 1 else None
+        return MembraneConstraints(
+            tension=Tension(float(c[0, 0]), float(c[1, 1]), float(c[0, 1]), float(c[2, 2])),
+            vertices=edges.vertices[order].astype(np.uint32),
+            slopes=edges.slopes[order].astype(dtype),
+            shares=edges.shares[order].astype(dtype),
+            area=edges.area[order].astype(dtype),
+            starts=colors.starts,
+            impulse=impulse,
         )
 
     def _constraints(
@@ -221,6 +270,21 @@ def step_of(chain: Chain) -> float:
     """The step [s] with which a cloth hangs down too far by `TOO_LONG` of its length, infinite without gravity."""
     sag = SWEPT * chain.sag
     return math.sqrt(TOO_LONG * chain.length / sag) if sag > 0.0 else math.inf
+
+
+def _patches(springs: Springs) -> tuple[NDArray[np.int64], Array, Array]:
+    """Bend springs on the same vertices together: vertices (K, M), coefficients (K, 3, M) and stiffness (K, 3)."""
+    members, count = springs.bend_vertices, len(springs.bend_vertices)
+    # Neighbours may have the same vertices, too: three by three of each run.
+    unlike = np.ones(count, dtype=bool)
+    unlike[1:] = (members[1:] != members[:-1]).any(axis=1)
+    place = np.arange(count)
+    row = (place - np.maximum.accumulate(np.where(unlike, place, 0))) % 3
+    patch, first = np.cumsum(row == 0) - 1, np.flatnonzero(row == 0)
+    shape = (len(first), 3)
+    coefficients, stiffness = np.zeros((*shape, members.shape[1])), np.zeros(shape)
+    coefficients[patch, row], stiffness[patch, row] = springs.bend_coefficients, springs.bend_stiffness
+    return members[first], coefficients, stiffness
 
 
 def _ahead(values: Array, offset: int) -> Array:

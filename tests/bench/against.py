@@ -153,7 +153,7 @@ def main() -> None:
     for case in CASES:
         if given.only in case.name:
             (there, theirs), (here, ours) = measure(case, [given.checkout.resolve(), HERE], given.rounds)
-            row = f"{there:.3f} | {here:.3f} | {theirs:.2f} | {ours:.2f} | {here / there:.3f}"
+            row = f"{there:.3f} | {here:.3f} | {theirs:.2f} | {ours:.2f} | {ours / theirs:.3f}"
             print(f"| {case.name} | {row} |", flush=True)
 
 

@@ -1,28 +1,30 @@
-"""Cost of a mesh's forces against the scalar loop over its springs, in nanoseconds per vertex and substep.
+"""Cost of a mesh's forces in nanoseconds per vertex and substep: springs, bending, a membrane, and the air.
 
     python -m tests.bench.mesh [--double]
 
 Grids of cells split along random diagonals, inner vertices moved by up to 0.3 of a cell, vertices numbered at random
-and then by `locality_order`; one thread. Both sides take symplectic Euler steps on the same springs. The variants take
-turns in bursts of about a millisecond, of which the fastest counts.
+and then by `locality_order`; one thread. Springs are those nearest to the fabric, though a membrane takes their place
+on such a mesh; "split" is the bending of the same mesh with no vertex moved. Springs are also taken by the scalar loop
+that anybody would write. The variants take turns in bursts of about a millisecond, of which the fastest counts.
 """
 
 import sys
 import time
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from cape.assembly.mesh_links import mesh_air_record, mesh_bends_record, mesh_springs_record
-from cape.assembly.mesh_springs import mesh_springs
-from cape.assembly.springs import Springs
+from cape.assembly.mesh import springs as fitting
+from cape.assembly.mesh.links import mesh_air_record, mesh_bends_record, mesh_membrane_record, mesh_springs_record
+from cape.assembly.mesh.springs import mesh_springs
 from cape.cloth.cloth import Cloth, MeshCloth
 from cape.cloth.triangle_mesh import locality_order, reordered
 from cape.kernels.calling import Bound
 from cape.kernels.cloth.baselines import move, scalar_step
+from cape.kernels.cloth.membrane import MembraneForces, mesh_membrane
 from cape.kernels.cloth.mesh import MeshAirForces, MeshForces, mesh_air
 from cape.kernels.cloth.mesh import mesh_springs as pull_links
+from cape.kernels.cloth.mesh_bending import MeshBendForces, mesh_bends
 from cape.kernels.jit import Function, kernel, routine
 from cape.kernels.state import State
 from cape.kernels.team import Team
@@ -31,13 +33,13 @@ SIZES, BURST, REPEATS = (1_500, 5_000, 10_000), 1e-3, 300
 STEP, DAMPING, BEND_DAMPING = 1e-9, 1e-5, 2e-3  # so short a step that nothing moves
 
 
-def irregular_sheet(vertices: int, seed: int = 0) -> MeshCloth:
-    """About so many vertices in a square."""
+def irregular_sheet(vertices: int, seed: int = 0, moved: float = 0.009) -> MeshCloth:
+    """About so many vertices in a square, the inner ones moved by up to so much [m]."""
     rng, side = np.random.default_rng(seed), round(vertices**0.5)
     y, x = np.divmod(np.arange(side * side), side)
     flat = np.stack([x, y], axis=1) * 0.03
     inner = (x > 0) & (x < side - 1) & (y > 0) & (y < side - 1)
-    flat[inner] += 0.009 * rng.uniform(-1, 1, (inner.sum(), 2))
+    flat[inner] += moved * rng.uniform(-1, 1, (inner.sum(), 2))
     a = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
     b, c, d = a + 1, a + side, a + side + 1
     flip = rng.random(len(a))[:, None] < 0.5
@@ -65,20 +67,24 @@ def by_links(calls, group, team, step, inverse_mass):
 
 
 @routine
+def by_membrane(calls, group, team):
+    """The forces of a membrane."""
+    for _ in range(calls):
+        mesh_membrane(group, team, 0, 1, 0.0)
+
+
+@routine
+def by_bends(calls, group, team):
+    """The forces of bending."""
+    for _ in range(calls):
+        mesh_bends(group, team, 0, 1, 0.0)
+
+
+@routine
 def air_alone(calls, group, team):
     """The air's forces."""
     for _ in range(calls):
         mesh_air(group, team, 0, 1, 0.0)
-
-
-def without_bending(springs: Springs) -> Springs:
-    """The same without hinges."""
-    return replace(
-        springs,
-        bend_vertices=springs.bend_vertices[:0],
-        bend_coefficients=springs.bend_coefficients[:0],
-        bend_stiffness=springs.bend_stiffness[:0],
-    )
 
 
 def fastest(variants: dict[str, tuple[Function, tuple[Any, ...]]], vertices: int) -> dict[str, float]:
@@ -100,7 +106,11 @@ def measure(vertices: int, dtype: type[np.floating]) -> dict[str, float]:
     """Times of all variants at about so many vertices [ns per vertex and substep]."""
     cloth = irregular_sheet(vertices)
     n, rng = cloth.vertices, np.random.default_rng(1)
+    sheet, missed = mesh_springs(cloth), fitting.MISSED
+    fitting.MISSED = np.inf
     springs = mesh_springs(cloth)
+    fitting.MISSED = missed
+    split = mesh_springs(irregular_sheet(vertices, moved=0.0))
     moved = cloth.positions + rng.normal(0.0, 0.002, cloth.positions.shape)
     motion = (*moved.T, *rng.normal(0.0, 0.1, (3, n)))
 
@@ -114,22 +124,19 @@ def measure(vertices: int, dtype: type[np.floating]) -> dict[str, float]:
         (springs.first.astype(np.uint32), springs.second.astype(np.uint32)),
     )
     plain = (*ends, springs.stiffness.astype(dtype), springs.rest.astype(dtype), dtype(DAMPING))
-    hinges = (
-        springs.bend_vertices.astype(np.uint32),
-        springs.bend_coefficients.astype(dtype),
-        springs.bend_stiffness.astype(dtype),
-        dtype(BEND_DAMPING),
-    )
-    variants: dict[str, Any] = {}
-    for name, links, bending in (("springs", without_bending(springs), False), ("with bending", springs, True)):
+    forces, state = arrays()
+    variants: dict[str, Any] = {"scalar": (scalar_step, (dtype(STEP), weights, *plain, *(None,) * 4, *forces, *state))}
+    forces, state = arrays()
+    group = MeshForces(state, mesh_springs_record(springs, n, dtype), DAMPING, forces)
+    variants["springs"] = (by_links, (group, team, dtype(STEP), weights))
+    assert sheet.membrane is not None
+    forces, state = arrays()
+    triangles = MembraneForces(state, mesh_membrane_record(sheet.membrane, n, dtype), DAMPING, forces)
+    variants["membrane"] = (by_membrane, (triangles, team))
+    for name, of in (("bends", sheet), ("split", split)):
         forces, state = arrays()
-        given = (dtype(STEP), weights, *plain, *(hinges if bending else (None,) * 4), *forces, *state)
-        variants[f"{name}, scalar"] = (scalar_step, given)
-        forces, state = arrays()
-        bends = mesh_bends_record(links, n, dtype) if bending else None
-        damping = (DAMPING, BEND_DAMPING if bending else None)
-        group = MeshForces(state, mesh_springs_record(links, n, dtype), bends, *damping, forces)
-        variants[f"{name}, links"] = (by_links, (group, team, dtype(STEP), weights))
+        bending = MeshBendForces(state, mesh_bends_record(of, n, dtype), BEND_DAMPING, forces)
+        variants[name] = (by_bends, (bending, team))
     forces, state = arrays()
     blown = MeshAirForces(state, mesh_air_record(cloth, np.zeros(3), 0.1, 0.05, dtype), forces)
     variants["air"] = (air_alone, (blown, team))
@@ -139,15 +146,12 @@ def measure(vertices: int, dtype: type[np.floating]) -> dict[str, float]:
 def main() -> None:
     """Print a row a size."""
     dtype = np.float64 if "--double" in sys.argv else np.float32
-    print("              springs                    with bending               air")
-    print("vertices   scalar    links  ratio     scalar    links  ratio    links")
+    print("vertices  springs, scalar  springs  membrane  bending  bending, split  air")
     for vertices in SIZES:
         t = measure(vertices, dtype)
-        plain, links = t["springs, scalar"], t["springs, links"]
-        bent, bent_links = t["with bending, scalar"], t["with bending, links"]
         print(
-            f"{round(vertices**0.5) ** 2:8} {plain:8.1f} {links:8.1f} {plain / links:6.2f}   "
-            f"{bent:8.1f} {bent_links:8.1f} {bent / bent_links:6.2f} {t['air']:8.1f}"
+            f"{round(vertices**0.5) ** 2:8} {t['scalar']:16.1f} {t['springs']:8.1f} {t['membrane']:9.1f} "
+            f"{t['bends']:8.1f} {t['split']:15.1f} {t['air']:4.1f}"
         )
 
 

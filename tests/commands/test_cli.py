@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import motions
-from cape import FABRICS
+from cape import FABRICS, GARMENTS
 from tests.support.command import CAPE, Done, Forks, cape
 
 
@@ -48,6 +48,8 @@ BAD = {
     "binary data": (["replay", "binary.bvh"], "binary"),
     "a single frame": (["replay", "still.bvh"], "single frame"),
     "an unknown fabric": (["replay", "--fabric", "steel"], "denim"),
+    "an unknown garment": (["replay", "--garment", "toga"], "shoulder_cape"),
+    "a garment that is too short": (["replay", "--garment", "cloak", "--length", "0.1"], "shoulders"),
     "an unknown solver": (["replay", "--solver", "magic"], "xpbd"),
     "an unknown layer": (["replay", "--layers", "cape,hat"], "hitboxes"),
     "an unknown bone": (["replay", "--attach", "chest=Tail"], "Spine2"),
@@ -227,8 +229,8 @@ def test_a_check_measures_apart_from_the_solver(once, plain):
 
 def test_a_check_measures_the_error_of_the_time_step(once):
     errors = [once.facts(*COARSE, "--check", *more)["step_error"] for more in ([], ["--substeps", "400"])]
-    assert all(error["seconds"] == 0.1 and error["parts"] == 1 for error in errors)
-    assert 0.0 < errors[1]["rms_mm"] < errors[0]["rms_mm"] == errors[0]["max_mm"] < 10.0
+    assert all(error["seconds"] == 0.1 and error["parts"] == 10 for error in errors)
+    assert 0.0 < errors[1]["rms_mm"] < errors[0]["rms_mm"] < errors[0]["max_mm"] < 10.0
 
 
 def test_a_tolerance_or_a_budget_chooses_solver_and_steps(once):
@@ -275,6 +277,14 @@ def test_fabrics_are_listed_with_how_they_drape_and_who_measured_them(once):
     assert denim["bend_N_m"] == [FABRICS["denim"].bend_warp, FABRICS["denim"].bend_weft]
     assert "Data-Driven Elastic Models for Cloth" in denim["measured"]["source"]
     assert denim["measured"]["figures"]["density"] == "0.324 kg/m2"
+
+
+def test_garments_are_listed_and_worn(once):
+    told = unfolded(once("garments").stdout)
+    assert all(f"{garment.name} {garment.title}" in told for garment in GARMENTS.values())
+    assert once.facts("garments") == {garment.name: garment.title for garment in GARMENTS.values()}
+    command = ("replay", "walk", "--end", "0.1", "-o", "out.rrd", "--spacing", "0.06", "--garment", "half_cape")
+    assert once.facts(*command)["result"] == "finished"
 
 
 @pytest.mark.parametrize("name", ["chiffon-weight", "jersey", "leather-weight"])

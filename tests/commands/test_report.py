@@ -522,7 +522,7 @@ if __name__ == "__main__":
         "REPORT.md", "REPORT.html", "report.json", "swing.png", "swing.rrd", "space.png",
     }  # fmt: skip
     facts = json.loads((folder / "report.json").read_text())
-    assert set(facts) == {"machine", "versions", "plan", "rows", "stability", "space", "energy", "references"}
+    assert set(facts) == {"machine", "versions", "plan", "rows", "stability", "space", "energy", "references", "world"}
     assert {"scene", "solver", "setting", "substeps", "seconds_per_second", "rms_mm", "max_mm"} <= set(facts["rows"][0])
     assert {
         "case", "solver", "repeats", "result", "stretch_max", "penetration_max_mm", "energy_growth", "seconds",

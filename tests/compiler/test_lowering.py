@@ -1,6 +1,7 @@
 """What is lowered by short ways does what Python does. The functions run compiled, and as they are written."""
 
 import math
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from cape.kernels.jit import Function, inlined, routine
+from cape.kernels.fused import fused
+from cape.kernels.jit import Function, inlined, kernel, routine
 from tests.support.code import compiled_only
 
 pytestmark = compiled_only
@@ -68,6 +70,30 @@ def test_single_ones_stay_single(a: float, b: float):
     one, other = np.float32(a), np.float32(b)
     for function in (sums, quotient, order):
         assert same(function(one, other), plain(function, one, other))
+
+
+@routine
+def one_fused(a, b, c):
+    return fused(a, b, c)
+
+
+@kernel
+def many_fused(a, b, c, out):
+    for i in range(out.size):
+        out[i] = fused(a[i], b[i], c[i])
+
+
+@given(st.lists(st.tuples(*[st.floats(-1e6, 1e6, width=32)] * 3), min_size=1, max_size=40), st.booleans())
+@example([(1.0 + 2.0**-12, 1.0 + 2.0**-12, -1.0 - 2.0**-11)], True)
+def test_a_product_and_a_sum_are_rounded_once_or_each_and_in_all_loops_alike(rows: list[Any], single: bool):
+    columns = np.array(rows, np.float32 if single else np.float64).T.copy()
+    out = np.zeros(columns.shape[1], columns.dtype)
+    many_fused(*columns, out)
+    for a, b, c, found in zip(*columns, out, strict=True):
+        exact = Fraction(float(a)) * Fraction(float(b)) + Fraction(float(c))
+        rounded_once = abs(exact - Fraction(float(found))) <= Fraction(float(np.spacing(abs(found)))) / 2
+        assert rounded_once or found == a * b + c
+        assert one_fused(a, b, c) == found
 
 
 @given(WHOLE, WHOLE)

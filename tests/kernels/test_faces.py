@@ -404,10 +404,23 @@ def test_only_thin_colliders_are_watched_by_triangles():
     # The middle of a cell's diagonal is 22.3 mm from its ends when stretched: t (2 r + t) is more from 47.2 mm on.
     limit = ((STRETCHED * 0.015 * np.sqrt(2)) ** 2 / 0.005 - 0.005) / 2
     thin, thick = Sphere(name="thin", radius=0.999 * limit), Sphere(name="thick", radius=1.001 * limit)
-    found = contacts(cloth, thick, thin).colliders
+    found = contacts(cloth, thick, thin).faces
     assert found is not None
-    np.testing.assert_array_equal(found.records.thin, [False, True])
+    np.testing.assert_array_equal(found.exposed.any(axis=0), [False, True])
     assert contacts(cloth, thick).faces is None
+
+
+def test_triangles_are_watched_for_those_colliders_that_are_thin_as_against_them():
+    # Triangles of narrow cells reach 7.6 mm from their corners when stretched, of wide ones 21.4 mm; vertices hold them
+    # off colliders of 2 mm and 30 mm up to 6.7 mm and 18 mm.
+    columns = np.concatenate([np.linspace(0.0, 0.24, 21), np.linspace(0.28, 0.68, 11)])
+    cloth = grid_cloth(columns, np.linspace(0.0, 0.08, 11), Fabric())
+    found = faces_of(cloth, Sphere(name="thin", radius=0.002), Sphere(name="thick", radius=0.03))
+    right = np.array([cloth.pattern[found.corners[:, f], 0].max() for f in range(found.corners.shape[1])])
+    wide = np.array([r.max() > 0.25 for r in np.split(right, found.starts[1:-1])])
+    assert 0 < wide.sum() < len(wide)
+    np.testing.assert_array_equal(found.exposed[:, 1], wide)
+    assert found.exposed[wide, 0].all()
 
 
 @pytest.mark.parametrize(
@@ -458,8 +471,7 @@ def test_triangles_keep_off_what_is_thin(collider: Collider):
     found = contacts(cloth, collider)
     assert found.faces is not None
     assert found.faces.corners.shape[1] == 200
-    assert found.colliders is not None
-    assert found.colliders.records.thin.all()
+    assert found.faces.exposed.all()
 
 
 # -- a triangle at work --
@@ -467,7 +479,6 @@ def test_triangles_keep_off_what_is_thin(collider: Collider):
 
 def one_triangle(points: FloatArray, velocities: FloatArray, shapes: Colliders) -> tuple[State, Faces]:
     s = State(*np.array(points.T, float), *np.array(velocities.T, float))
-    shapes.records.thin = 1
     return s, faces_record(np.array([[0], [1], [2]]), [0, 1], [0], shapes)._replace(longest=0.1)
 
 

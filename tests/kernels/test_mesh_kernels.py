@@ -4,17 +4,23 @@ They also run with the compiler off: NUMBA_DISABLE_JIT=1.
 """
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from cape.assembly import mesh_links
+from cape.assembly.membrane import Membrane, membrane_of
+from cape.assembly.mesh import links as mesh_links
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth, MeshCloth
-from cape.kernels.cloth import mesh
-from cape.kernels.cloth.mesh import MeshAir, MeshAirForces, MeshBends, MeshForces, MeshSprings
+from cape.cloth.fabric import Fabric
+from cape.cloth.triangle_mesh import edges_of
+from cape.kernels.cloth import membrane, mesh, mesh_bending
+from cape.kernels.cloth.membrane import MembraneForces, MeshMembrane
+from cape.kernels.cloth.mesh import MeshAir, MeshAirForces, MeshForces, MeshSprings
+from cape.kernels.cloth.mesh_bending import MeshBendForces, MeshBends
 from cape.kernels.state import State
 from cape.kernels.team import Team
 from tests.support.code import assembly, compiled_only
@@ -101,9 +107,67 @@ def records(s: Sheet, dtype: type) -> tuple[MeshSprings, MeshBends]:
 def computed(s: Sheet, dtype: type, *, bends: bool, damping: float | None, bend_damping: float | None) -> np.ndarray:
     springs, bending = records(s, dtype)
     forces = np.full((3, s.cloth.vertices), np.nan, dtype)
-    group = MeshForces(s.state(dtype), springs, bending if bends else None, damping, bend_damping, forces)
-    mesh.mesh_springs(group, Team.alone(s.cloth.vertices), 0, 1, 1.0)
+    state, alone = s.state(dtype), Team.alone(s.cloth.vertices)
+    mesh.mesh_springs(MeshForces(state, springs, damping, forces), alone, 0, 1, 1.0)
+    if bends:
+        mesh_bending.mesh_bends(MeshBendForces(state, bending, bend_damping, forces), alone, 0, 1, 1.0)
     return forces.T
+
+
+def stretched(s: Sheet) -> Membrane:
+    """A membrane on the same triangles, with layers."""
+    fabric = Fabric(stretch=(3.0, 1.0), shear=0.4)
+    cloth = replace(s.cloth, fabric=fabric, layers=1.0 + np.arange(len(s.cloth.faces)) % 2)
+    return membrane_of(cloth, edges_of(cloth.faces))
+
+
+def membrane_forces(s: Sheet, m: Membrane, tau: float) -> np.ndarray:
+    """Edge by edge, with each triangle's F from its own corners laid flat."""
+    forces, area, corners = np.zeros_like(s.positions), m.area, s.cloth.corners
+    sides: dict[tuple[int, int], list[int]] = {}
+    for t, face in enumerate(s.cloth.faces):
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            sides.setdefault((min(face[a], face[b]), max(face[a], face[b])), []).append(t)
+    for triangles in sides.values():
+        total = sum(area[t] for t in triangles)
+        strain, derivatives = np.zeros(3), []
+        for t in triangles:
+            face, share = s.cloth.faces[t], area[t] / total
+            flat = np.column_stack([corners[t], np.ones(3)])
+            slopes = np.linalg.inv(flat)[:2].T  # of a function that is 1 at one corner, (3, 2)
+            u, v = slopes.T @ s.positions[face]
+            du, dv = slopes.T @ s.velocities[face]
+            strain += share * np.array([(u @ u - 1) / 2 + tau * u @ du, (v @ v - 1) / 2 + tau * v @ dv,
+                                        u @ v + tau * (u @ dv + v @ du)])  # fmt: skip
+            for a in range(3):
+                p, q = slopes[a]
+                derivatives.append((face[a], share * np.array([p * u, q * v, p * v + q * u])))
+        tension = total / 3 * m.stiffness @ strain
+        for vertex, derivative in derivatives:
+            forces[vertex] -= derivative.T @ tension
+    return forces
+
+
+@pytest.mark.parametrize(("dtype", "damping"), [(np.float32, TAU), (np.float64, None), (np.float64, TAU)])
+def test_membrane(dtype: type, damping: float | None):
+    s = sheet()
+    m = stretched(s)
+    expected = membrane_forces(s, m, damping or 0.0)
+    forces = np.full((3, s.cloth.vertices), np.nan, dtype)
+    record = mesh_links.mesh_membrane_record(m, s.cloth.vertices, dtype)
+    membrane.mesh_membrane(
+        MembraneForces(s.state(dtype), record, damping, forces), Team.alone(s.cloth.vertices), 0, 1, 1.0
+    )
+    np.testing.assert_allclose(forces.T, expected, atol=ROUNDING[dtype] * np.abs(expected).max())
+
+
+def test_the_energy_of_a_membrane_is_what_its_forces_are_the_gradient_of():
+    s = sheet(1)
+    m = stretched(s)
+    direction, h = np.random.default_rng(2).standard_normal(s.positions.shape), 1e-5
+    change = (m.energy(s.positions + h * direction) - m.energy(s.positions - h * direction)) / (2 * h)
+    # As below.
+    assert change == pytest.approx(-np.sum(membrane_forces(s, m, 0.0) * direction), rel=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -180,6 +244,7 @@ class Spread(NamedTuple):
     """What the ranks of a team do one after the other: each phase for all before the next."""
 
     springs: MeshSprings
+    membrane: MeshMembrane
     bends: MeshBends
     air: MeshAir
     state: State
@@ -188,15 +253,25 @@ class Spread(NamedTuple):
         s, springs, count = self.state, self.springs, self.state.x.size
         forces = np.zeros((3, count), s.x.dtype)
         ranks = list(pairwise(cuts))
-        group = MeshForces(s, springs, self.bends, TAU, BEND_TAU, forces)
+        group, m = MembraneForces(s, self.membrane, TAU, forces), self.membrane
+        b, one, tau = self.bends, s.x.dtype.type(1.0), s.x.dtype.type(BEND_TAU)
+        pulled = np.zeros_like(forces)
         air, (f, (wind_x, wind_y, wind_z)) = self.air, (s.x.dtype.type, self.air.wind)
         for lo, hi in ranks:
             mesh.pack(lo, hi, *s, springs.words)
+            mesh.pack(lo, hi, *s, m.words)
             mesh.pack(lo, hi, *s, air.words)
+            mesh_bending.pack_moved(lo, hi, *s, tau, b.packed)
         for lo, hi in ranks:
-            mesh.pull_all(group, self.bends, TAU, lo, hi)
+            mesh.pull_all(MeshForces(s, springs, TAU, pulled), TAU, lo, hi)
+            membrane.find_strains(group, lo, hi)
         for lo, hi in ranks:
-            mesh.collect(lo, hi, springs.sorted_vertices, springs.start, springs.incoming, springs.forces, *forces)
+            membrane.pull_all(group, lo, hi)
+        for lo, hi in ranks:
+            mesh.collect(lo, hi, springs.sorted_vertices, springs.start, springs.incoming, springs.forces, *pulled)
+            mesh.collect(lo, hi, m.sorted_vertices, m.start, m.incoming, m.forces, *forces)
+            mesh_bending.add_rows(lo, hi, one, b.start, b.others, b.weight, b.packed, *forces)
+        forces += pulled
         for lo, hi in ranks:
             mesh.push(
                 lo, hi, *s, air.words, air.second, air.third, f(wind_x), f(wind_y), f(wind_z), f(1.0 / 3.0),
@@ -211,14 +286,19 @@ def test_the_same_bits_for_any_number_of_ranks():
     dtype = np.float32
     s = sheet(4, 20, 20)
     n = s.cloth.vertices
-    spread = Spread(*records(s, dtype), air_record(s, dtype), s.state(dtype))
+    springs, bends = records(s, dtype)
+    triangles = mesh_links.mesh_membrane_record(stretched(s), n, dtype)
+    spread = Spread(springs, triangles, bends, air_record(s, dtype), s.state(dtype))
     alone = spread.forces([0, n])
     assert np.abs(alone).max() > 0
     for cuts in ([0, 64, n], [0, 192, 256, n], [0, 128, 128, 384, n], [0, 64, 128, 192, 256, 320, 384, n, n]):
         np.testing.assert_array_equal(spread.forces(cuts), alone)
     together = np.zeros_like(alone)
-    group = MeshForces(spread.state, spread.springs, spread.bends, TAU, BEND_TAU, together)
-    mesh.mesh_springs(group, Team.alone(n), 0, 1, 1.0)
+    team, state, pulled = Team.alone(n), spread.state, np.zeros_like(alone)
+    membrane.mesh_membrane(MembraneForces(state, triangles, TAU, together), team, 0, 1, 1.0)
+    mesh_bending.mesh_bends(MeshBendForces(state, bends, BEND_TAU, together), team, 0, 1, 1.0)
+    mesh.mesh_springs(MeshForces(state, springs, TAU, pulled), team, 0, 1, 1.0)
+    together += pulled
     mesh.mesh_air(MeshAirForces(spread.state, spread.air, together), Team.alone(n), 0, 1, 1.0)
     np.testing.assert_array_equal(together, alone)
 
@@ -229,15 +309,9 @@ def test_links_are_shared_out_evenly():
     n = s.cloth.vertices
     itself = np.arange(springs.second.size // springs.second.shape[1]).reshape(-1, 1, mesh.BLOCK)
     present = springs.second != np.where(itself < n, itself, 0)
-    hinges = {tuple(sorted(p)) for h in s.springs.bend_vertices for i, p in enumerate_pairs(h)}
-    pairs = hinges | set(map(tuple, np.stack([s.springs.first, s.springs.second], axis=1).tolist()))
-    assert present.sum() == len(pairs)
+    assert present.sum() == len(s.springs.first)
     # The hub of the fan has forty neighbours, who own its links.
-    assert springs.second.shape[1] == -(-len(pairs) // n)
-
-
-def enumerate_pairs(hinge: np.ndarray) -> list[tuple[int, tuple[int, int]]]:
-    return [(i, (int(a), int(hinge[j]))) for i, a in enumerate(hinge) for j in range(i + 1, 4)]
+    assert springs.second.shape[1] == -(-len(s.springs.first) // n)
 
 
 @compiled_only
@@ -245,11 +319,9 @@ def test_roots_are_taken_many_at_once():
     from numba import typeof
 
     s = sheet(0, 5, 5)
-    springs, bends = records(s, np.float32)
+    springs, _ = records(s, np.float32)
     state, one = s.state(np.float32), np.float32(1)
-    given = (0, 64, *state, springs.words, springs.second, springs.stiffness, springs.rest)
-    rest = (one, springs.room, springs.forces, state.x, state.y, state.z)
-    for absent in ((bends.weight, one, one), (None, one, None)):
-        signature = tuple(typeof(argument) for argument in (*given, *absent, *rest))
-        # x86-64 and AArch64: roots of several numbers.
-        assert re.search(r"\bv?sqrtps\b|\bfsqrt\s+v\d+\.4s", assembly(mesh.pull, signature)), signature
+    given = (0, 64, *state, springs.words, springs.second, springs.stiffness, springs.rest, one, one)
+    signature = tuple(typeof(a) for a in (*given, springs.room, springs.forces, state.x, state.y, state.z))
+    # x86-64 and AArch64: roots of several numbers.
+    assert re.search(r"\bv?sqrtps\b|\bfsqrt\s+v\d+\.4s", assembly(mesh.pull, signature)), signature

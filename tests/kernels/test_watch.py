@@ -215,7 +215,6 @@ def test_triangles_that_sleep_never_hide_a_contact(kind: Kind, speed: float, sub
         corners = np.sort([TILE * (k // 12) + rng.choice(TILE - 3, 3, replace=False) for k in range(36)], axis=1)
         groups = np.arange(0, 37, 6)
         tiles = np.repeat(np.arange(3), 2)
-        world.shapes.records.thin = 1
         faces = faces_record(corners.T, groups, tiles, world.shapes)
         watch.begin(0, count, world.state, world.shapes, world.bones(0.0), FRAME)
         for turn in range(substeps):

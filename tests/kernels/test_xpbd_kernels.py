@@ -5,7 +5,7 @@ import pytest
 
 from cape.kernels.state import State
 from cape.kernels.team import Team
-from cape.kernels.xpbd import formulas, mesh, xpbd
+from cape.kernels.xpbd import formulas, membrane, mesh, xpbd
 from cape.kernels.xpbd import grid as xpbd_grid
 from cape.kernels.xpbd.formulas import Constraints
 from cape.kernels.xpbd.grid import GridConstraints, GridSweeps
@@ -44,12 +44,12 @@ class Textbook:
         if length > 0:
             self.project((i, j), length - rest, {i: -d / length, j: d / length}, stiffness, tau)
 
-    def bend(self, vertices: list[int], coefficients: np.ndarray, stiffness: float, tau: float) -> None:
+    def bend(self, vertices: list[int], coefficients: np.ndarray, stiffness: float, tau: float, row: int = 0) -> None:
         for axis in range(3):
             along = np.eye(3)[axis]
             c = sum(a * self.p[axis, i] for i, a in zip(vertices, coefficients, strict=True))
             gradients = {i: a * along for i, a in zip(vertices, coefficients, strict=True)}
-            self.project((*vertices, axis), c, gradients, stiffness, tau)
+            self.project((*vertices, axis, row), c, gradients, stiffness, tau)
 
 
 def prepared(
@@ -89,19 +89,62 @@ def test_bends_one_after_the_other(rng: np.random.Generator, sweeps: int):
     n = 7
     x, v = rng.standard_normal((3, n)), rng.standard_normal((3, n))
     vertices = np.array([[0, 1, 2, 3], [3, 1, 4, 5], [6, 2, 0, 5]], dtype=np.uint32)
-    coefficients, stiffness = rng.standard_normal((3, 4)), 10 ** rng.uniform(1, 4, 3)
+    coefficients, stiffness = rng.standard_normal((3, 3, 4)), 10 ** rng.uniform(1, 4, (3, 3))
     weights = rng.uniform(1, 2, n)
     weights[4] = 0.0
     book = Textbook(x, v, weights)
-    bends = prepared(stiffness, None, (coefficients**2 * weights[vertices]).sum(axis=1), TAU, 3)
+    coupled = np.einsum("krm,km,ksm->krs", coefficients, weights[vertices], coefficients)
+    mobility = np.ascontiguousarray(np.diagonal(coupled, axis1=1, axis2=2))
+    bends = prepared(stiffness.ravel(), None, mobility.ravel(), TAU, 3)
     assert bends.impulse is not None
     kept = (bends.slack, *bends.impulse) if sweeps > 1 else (None,) * 4
-    u = v.copy()
+    u, mixed = v.copy(), coupled[:, (0, 0, 1), (1, 2, 2)].copy()
     for _ in range(sweeps):
-        mesh.bend_listed(vertices, coefficients, STEP + TAU, bends.gain, *kept, weights, *x, *u)
-        for k in range(3):
-            book.bend(vertices[k].tolist(), coefficients[k], stiffness[k], TAU)
+        mesh.bend_listed(vertices, coefficients, mixed, STEP + TAU, bends.gain, *kept, weights, *x, *u)
+        for k, row in np.ndindex(3, 3):
+            book.bend(vertices[k].tolist(), coefficients[k, row], float(stiffness[k, row]), TAU, row)
     np.testing.assert_allclose(x + STEP * u, book.p, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("sweeps", [1, 3])
+def test_edges_of_a_membrane_one_after_the_other(rng: np.random.Generator, sweeps: int):
+    """Against the same in matrices: F of both triangles from all vertices, three strains at once."""
+    n, stiffness = 6, np.array([[900.0, 80.0, 0.0], [80.0, 400.0, 0.0], [0.0, 0.0, 60.0]])
+    x, v, weights = rng.standard_normal((3, n)), rng.standard_normal((3, n)), rng.uniform(1, 2, n)
+    weights[3] = 0.0
+    # The second has a single triangle: its third corner again stands for no other.
+    vertices = np.array([[0, 1, 2, 3], [2, 4, 5, 5], [1, 3, 4, 0]], dtype=np.uint32)
+    slopes, area = rng.uniform(-1, 1, (3, 2, 4)), rng.uniform(0.1, 0.2, 3)
+    shares = np.array([[0.3, 0.7], [1.0, 0.0], [0.5, 0.5]])
+    u, expected = v.copy(), v.copy()
+    impulse, kept = np.zeros((3, 3)) if sweeps > 1 else None, np.zeros((3, 3))
+    for _ in range(sweeps):
+        membrane.stretch_edges(
+            0, 3, vertices, slopes, shares, area, STEP, TAU, 900.0, 400.0, 80.0, 60.0, 0.5, impulse, weights, *x, *u
+        )
+        for k in range(3):
+            p, strain, derivative = x + STEP * expected, np.zeros(3), np.zeros((3, 3, n))
+            for t in range(2):
+                i, j, m = vertices[k, [0, 1, 2 + t]].tolist()
+                along, across = np.zeros(n), np.zeros(n)
+                for slope, of in ((slopes[k, t, ::2], along), (slopes[k, t, 1::2], across)):
+                    of[j] += slope[0]
+                    of[m] += slope[1]
+                    of[i] -= slope.sum()
+                f, g = p @ along, p @ across
+                strain += shares[k, t] * np.array([(f @ f - 1) / 2, (g @ g - 1) / 2, f @ g])
+                for row, part in enumerate(
+                    (np.outer(f, along), np.outer(g, across), np.outer(f, across) + np.outer(g, along))
+                ):
+                    derivative[row] += shares[k, t] * part
+            rate = np.einsum("rci,ci->r", derivative, expected)
+            weighted = area[k] * stiffness @ np.einsum("rci,i,sci->rs", derivative, weights, derivative)
+            wanted = STEP * area[k] * stiffness @ (strain + TAU * rate) - (kept[k] if sweeps > 1 else 0.0)
+            change = np.linalg.solve(np.eye(3) + STEP * (STEP + TAU) * weighted, wanted)
+            kept[k] += change
+            expected = expected - weights * np.einsum("rci,r->ci", derivative, change)
+    np.testing.assert_allclose(u, expected, atol=ROUNDING * np.abs(v).max() * 100)
+    np.testing.assert_array_equal(u[:, 3], v[:, 3])
 
 
 ROWS, COLUMNS, HANDS = 8, 5, 3

@@ -25,6 +25,7 @@ from cape import (
     attach,
     simulate,
 )
+from cape.assembly.springs import springs_of
 from cape.scene.standard_scenes import frame_times, track_of
 from motions.errors import ValueRangeError
 from tests.support.scenes import grid_cloth, mesh_cloth, turn_about
@@ -221,17 +222,22 @@ def test_what_tr_bdf2_loses_is_of_third_order():
 # -- all at once --
 
 
-def busy(*, mesh: bool = False, self_contact: bool = False) -> tuple[Scene, list[Pose]]:
+def busy(kind: str = "grid") -> tuple[Scene, list[Pose]]:
     """A cloth that is swung and turned through the air and against a ball."""
     fabric = Fabric(density=0.2, stretch=200.0, shear=40.0, bend=1e-4, damping_time=1e-4)
-    make = mesh_cloth if mesh else grid_cloth
+    make = grid_cloth if kind in ("grid", "layers") else mesh_cloth
     cloth = make(np.linspace(0, 0.3, 9), np.linspace(0, 0.4, 11), fabric)
+    if kind == "membrane":
+        # With its threads at an angle to the edges.
+        turned = cloth.pattern @ np.array([[np.cos(0.4), np.sin(0.4)], [-np.sin(0.4), np.cos(0.4)]])
+        cloth = Cloth.from_mesh(cloth.positions, cloth.triangles, pattern=turned, fabric=fabric)
+    assert (springs_of(cloth).membrane is not None) == (kind == "membrane")
     scene = Scene(
         cloth,
         [attach(cloth, "hand", range(9))],
         [Sphere(center=np.array([0.15, 0.12, -0.3]), radius=0.1)],
         wind=Wind(velocity=(0.0, 1.0, 0.0)),
-        self_contact=SelfContact() if self_contact else None,
+        self_contact=SelfContact() if kind == "layers" else None,
     )
     angles = 2 * np.pi * frame_times(0.5)
     poses = [
@@ -243,11 +249,12 @@ def busy(*, mesh: bool = False, self_contact: bool = False) -> tuple[Scene, list
 
 @pytest.mark.parametrize(
     ("solver", "kind"),
-    [*((s, "grid") for s in EVERY), (EULER, "mesh"), (SWEEPS, "mesh"), (EULER, "layers")],
+    [*((s, "grid") for s in EVERY), (EULER, "mesh"), (SWEEPS, "mesh"), (EULER, "layers")]
+    + [(s, "membrane") for s in EVERY],
     ids=lambda value: getattr(value, "name", value),
 )
 def test_the_balance_closes(solver: Solver, kind: str):
-    scene, poses = busy(mesh=kind == "mesh", self_contact=kind == "layers")
+    scene, poses = busy(kind)
     balance = run(scene, at(solver, 40), poses)
     assert balance.exchanged > 0.01
     for term in (balance.attachments, balance.contacts, balance.air, balance.damping):

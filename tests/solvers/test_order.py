@@ -5,14 +5,13 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
-from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
 from cape.scene.attachments import attach
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2, BackwardEuler, Solver
+from tests.support.exact import ExactModel
 from tests.support.scenes import Run
 
 FRAME, FRAMES = 1.0 / 60.0, 20
@@ -30,41 +29,12 @@ def rod(frame: int) -> FloatArray:
     return np.array([0.15 * np.sin(4.0 * time) ** 3, 0.0, 0.0])
 
 
-def accelerations(x: FloatArray, v: FloatArray, springs: Springs, inverse_mass: FloatArray) -> FloatArray:
-    """[m/s2] of vertices at x with velocities v, of which those without inverse mass are held."""
-    fabric, force = SHEET.fabric, np.zeros_like(x)
-    apart, speed = x[springs.second] - x[springs.first], v[springs.second] - v[springs.first]
-    length = np.linalg.norm(apart, axis=1)
-    along = apart / length[:, None]
-    rate = np.einsum("ek,ek->e", speed, along)
-    pull = (springs.stiffness * (length - springs.rest + fabric.damping_time * rate))[:, None] * along
-    np.add.at(force, springs.first, pull)
-    np.add.at(force, springs.second, -pull)
-    bent = np.einsum("ka,kac->kc", springs.bend_coefficients, (x + fabric.bend_damping_time * v)[springs.bend_vertices])
-    push = springs.bend_stiffness[:, None, None] * springs.bend_coefficients[:, :, None] * bent[:, None, :]
-    np.add.at(force, springs.bend_vertices, -push)
-    return inverse_mass[:, None] * force + [0.0, 0.0, -9.81] * (inverse_mass > 0.0)[:, None]
-
-
 @cache
 def exact() -> FloatArray:
     """Positions at the end of each frame [m], by an explicit method of order 8 with an error of 1e-10 a step."""
-    run = Run(SCENE, TRBDF2())
-    springs, weights = run.assembly.springs, run.assembly.inverse_mass
-    held, start = weights == 0.0, SHEET.positions
-    x, v = start.copy(), np.zeros_like(start)
-    taken = []
-    for frame in range(1, FRAMES + 1):
-        v[held] = (rod(frame) - rod(frame - 1)) / FRAME
-
-        def rates(_: float, y: FloatArray) -> FloatArray:
-            places, speeds = y.reshape(2, -1, 3)
-            return np.stack([speeds, accelerations(places, speeds, springs, weights)]).ravel()
-
-        found = solve_ivp(rates, (0.0, FRAME), np.stack([x, v]).ravel(), method="DOP853", rtol=1e-10, atol=1e-11)
-        x, v = found.y[:, -1].reshape(2, -1, 3)
-        taken.append(x)
-    return np.array(taken)
+    model, start = ExactModel(Run(SCENE, TRBDF2()).assembly), SHEET.positions
+    places = [rod(frame) for frame in range(FRAMES + 1)]
+    return model.motion(start, np.zeros_like(start), places, FRAME, relative=1e-10, absolute=1e-11)
 
 
 def error(solver: Solver, substeps: int, *, apart: bool = False) -> float:

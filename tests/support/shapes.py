@@ -258,6 +258,7 @@ def faces_record(corners: NDArray[np.integer], starts: ArrayLike, tiles: ArrayLi
         starts=np.array(starts, np.int64),
         tiles=np.array(tiles, np.int64),
         longest=0.2,
+        exposed=np.ones((groups, len(colliders.records)), np.bool_),
         wake=np.zeros((groups, len(colliders.records)), np.int64),
         next=np.zeros(groups, np.int64),
         due=np.zeros(1, np.int64),

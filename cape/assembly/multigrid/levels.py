@@ -19,7 +19,6 @@ class LinkBlocks(NamedTuple):
         first: one end of each link, shape (L,).
         second: the other end, shape (L,).
         place: of wx in `coefficients`, shape (L,).
-        bending: part of c that is bending, but for its damping [N/m], shape (L,).
         coefficients: all w and c, flat, which change from Newton step to Newton step.
         stride: from wx to wy, wz and c in `coefficients`.
     """
@@ -27,7 +26,6 @@ class LinkBlocks(NamedTuple):
     first: IntArray
     second: IntArray
     place: IntArray
-    bending: FloatArray
     coefficients: NDArray[np.floating]
     stride: int
 
@@ -45,17 +43,16 @@ def lay_out_levels(
 
     Also gives how a grid's vertices lie between the nodes of the first level, None for a mesh.
     """
-    levels, place, bending, interpolation = [], links.place, links.bending, None
+    levels, place, interpolation = [], links.place, None
     for aggregation in coarsen(links.first, links.second, positions, free, columns=columns):
-        levels.append(_level(aggregation, place, bending, dtype))
+        levels.append(_level(aggregation, place, dtype))
         place = np.arange(levels[-1].blocks.shape[1] - 1)
-        bending = np.zeros(len(place))
         if aggregation.hats is not None:
             interpolation = _interpolation(*aggregation.hats, ranks, dtype)
     return tuple(levels), interpolation
 
 
-def _level(found: Aggregation, place: IntArray, bending: FloatArray, dtype: type[np.floating]) -> Level:
+def _level(found: Aggregation, place: IntArray, dtype: type[np.floating]) -> Level:
     """Lay out a level whose finer links have their blocks at those places; its own are in the order of `coarsen`."""
     count, near, far = found.total, found.label[found.first], found.label[found.second]
     held = far < 0
@@ -70,7 +67,6 @@ def _level(found: Aggregation, place: IntArray, bending: FloatArray, dtype: type
     links[slot, of[order]] = order % max(len(pairs), 1)
     inner = np.flatnonzero(found.label >= 0)
     node, k = np.nonzero(found.weights)
-    bend = bending[found.link] * found.scale
 
     def rows(*shape: int) -> NDArray[np.floating]:
         return np.zeros(shape, dtype)
@@ -89,9 +85,6 @@ def _level(found: Aggregation, place: IntArray, bending: FloatArray, dtype: type
         own=rows(6, count),
         diagonal=rows(6, count),
         inverse=rows(6, count),
-        bending=np.concatenate(
-            [np.bincount(item, bend[~held], len(pairs)), np.bincount(near[held], bend[held], count)]
-        ).astype(dtype),
         residual=rows(3, count),
         moved=rows(3, count),
         left=rows(3, count),

@@ -15,6 +15,7 @@ from cape.cli.retargeting import retarget_facts, retarget_rows
 from cape.cli.rows import print_rows
 from cape.cli.running import simulated
 from cape.cloth.fabrics import fabric
+from cape.garments import registry
 from cape.record import LAYERS
 from cape.record.layers import check_layers
 from cape.results.take import Take
@@ -34,6 +35,7 @@ CUTS = {"carry": Cuts(then="carry"), "reset": Cuts(then="reset"), "off": None}
 class Cut:
     """The cape and how to simulate it, as asked on the command line."""
 
+    garment: str = registry.DEFAULT
     fabric: str = "cape"
     spacing: float | None = None
     length: float | None = None
@@ -54,6 +56,7 @@ class Cut:
         scene = dress(
             who.body,
             who.track,
+            garment=self.garment,
             length=self.length,
             spacing=self.spacing,
             fabric=fabric(self.fabric),
@@ -91,7 +94,9 @@ def run(
     json: bool,
 ) -> int:
     """Simulate, record, report; gives the exit status."""
-    fabric(cut.fabric)  # says which there are, before anything is read
+    # These say which there are, before anything is read.
+    fabric(cut.fabric)
+    registry.garment(cut.garment)
     method, cuts = cut.method(), _cuts(cut.cuts)
     check_layers(layers, LAYERS)
     who = read_character(reading, hitboxes=hitboxes)
@@ -135,7 +140,7 @@ def _facts(take: Take, scene: Scene, bones: int, notes: list[str], path: Path) -
         "hitboxes": sum(collider.bone is not None for collider in take.colliders),
         "solver": take.solver,
         "substeps": take.substeps,
-        "step_error": step_error_facts(take, scene),
+        "step_error": step_error_facts(take),
         "compile_s": round(take.compile_s, 3),
         "settle_s": round(take.settle_s, 3),
         "solve_s": round(take.solve_s, 3),

@@ -21,9 +21,13 @@ from motions.errors import FileError, UnknownNameError, UserError
 from motions.files import write_text
 
 
-def report(*, output: Path, quick: bool, scenes: tuple[str, ...], solvers: tuple[str, ...]) -> int:
+def report(
+    *, output: Path, quick: bool, scenes: tuple[str, ...], solvers: tuple[str, ...], only: str | None = None
+) -> int:
     """Measure, and write what was found; gives the exit status."""
     plan = chosen(QUICK if quick else FULL, scenes, solvers)
+    if only is not None:
+        plan = plan.only(only)
     try:
         output.mkdir(exist_ok=True)
     except OSError as error:
@@ -48,7 +52,7 @@ def report(*, output: Path, quick: bool, scenes: tuple[str, ...], solvers: tuple
         for name in plan.balances:
             save_energy([account for account in found.energy if account.scene == name], output / f"{name}_energy.png")
     write_text(output / "report.json", json.dumps(found.as_json(), indent=1) + "\n")
-    text = page.write(found, output, pictures=drawn, recordings=True, command=_command(quick, scenes, solvers))
+    text = page.write(found, output, pictures=drawn, recordings=True, command=_command(quick, scenes, solvers, only))
     forget_parts(output)
     _print(text, output)
     return 0
@@ -78,9 +82,10 @@ def _can_draw() -> bool:
     return True
 
 
-def _command(quick: bool, scenes: tuple[str, ...], solvers: tuple[str, ...]) -> str:
+def _command(quick: bool, scenes: tuple[str, ...], solvers: tuple[str, ...], only: str | None) -> str:
     """The command line that asks for this."""
     options = ["--quick"] * quick + [f"--scene {name}" for name in scenes] + [f"--solver {name}" for name in solvers]
+    options += [] if only is None else [f"--only {only}"]
     return " ".join(["cape report", *options])
 
 

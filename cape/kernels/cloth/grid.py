@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from cape.kernels.absent import typed
+from cape.kernels.fused import fused
 from cape.kernels.jit import inlined, kernel, routine, unit
 from cape.kernels.state import State
 
@@ -231,9 +232,9 @@ def copy_state(begin, count, at, x, y, z, vx, vy, vz, damping, bends, bend_dampi
             w[VX + o], w[VY + o], w[VZ + o] = vx[i], vy[i], vz[i]
         if bends is not None:
             if bend_damping is not None:
-                w[QX + o] = x[i] + bend_damping * vx[i]
-                w[QY + o] = y[i] + bend_damping * vy[i]
-                w[QZ + o] = z[i] + bend_damping * vz[i]
+                w[QX + o] = fused(bend_damping, vx[i], x[i])
+                w[QY + o] = fused(bend_damping, vy[i], y[i])
+                w[QZ + o] = fused(bend_damping, vz[i], z[i])
             else:
                 w[QX + o], w[QY + o], w[QZ + o] = x[i], y[i], z[i]
 
@@ -251,9 +252,9 @@ def set_fluxes(begin, count, at, to, columns, w, stiffness, rest, damping, bends
         fx, fy, fz = spring_force(w, i, right, stiffness[0, e], rest[0, e], damping)
         if bends is not None:
             first, second = bends[BEND_ACROSS, own - ONE], bends[BEND_ACROSS, own]
-            fx += bend_flux(w, QX + i - ONE, QX + i, QX + right, QX + right + ONE, first, second)
-            fy += bend_flux(w, QY + i - ONE, QY + i, QY + right, QY + right + ONE, first, second)
-            fz += bend_flux(w, QZ + i - ONE, QZ + i, QZ + right, QZ + right + ONE, first, second)
+            fx = bend_flux(fx, w, QX + i - ONE, QX + i, QX + right, QX + right + ONE, first, second)
+            fy = bend_flux(fy, w, QY + i - ONE, QY + i, QY + right, QY + right + ONE, first, second)
+            fz = bend_flux(fz, w, QZ + i - ONE, QZ + i, QZ + right, QZ + right + ONE, first, second)
         o = RIGHT + to + k
         fluxes[o], fluxes[o + TO_Y], fluxes[o + TO_Z] = fx, fy, fz
 
@@ -261,13 +262,13 @@ def set_fluxes(begin, count, at, to, columns, w, stiffness, rest, damping, bends
         if bends is not None:
             up, below = i - columns, down + columns
             first, second = bends[BEND_DOWN, e], bends[BEND_DOWN, own]
-            fx += bend_flux(w, QX + up, QX + i, QX + down, QX + below, first, second)
-            fy += bend_flux(w, QY + up, QY + i, QY + down, QY + below, first, second)
-            fz += bend_flux(w, QZ + up, QZ + i, QZ + down, QZ + below, first, second)
+            fx = bend_flux(fx, w, QX + up, QX + i, QX + down, QX + below, first, second)
+            fy = bend_flux(fy, w, QY + up, QY + i, QY + down, QY + below, first, second)
+            fz = bend_flux(fz, w, QZ + up, QZ + i, QZ + down, QZ + below, first, second)
             first, second = bends[TWIST, own - ONE], bends[TWIST, own]
-            fx += twist_flux(w, QX + i, QX + down, first, second)
-            fy += twist_flux(w, QY + i, QY + down, first, second)
-            fz += twist_flux(w, QZ + i, QZ + down, first, second)
+            fx = twist_flux(fx, w, QX + i, QX + down, first, second)
+            fy = twist_flux(fy, w, QY + i, QY + down, first, second)
+            fz = twist_flux(fz, w, QZ + i, QZ + down, first, second)
         o = DOWN + to + k
         fluxes[o], fluxes[o + TO_Y], fluxes[o + TO_Z] = fx, fy, fz
 
@@ -285,36 +286,36 @@ def spring_force(w, i, j, stiffness, rest, damping):
     """Force on i of a spring to j [N]: k (l - l0 + tau dl/dt) u, u the unit vector towards j (Kelvin and Voigt)."""
     dx, dy, dz = w[X + j] - w[X + i], w[Y + j] - w[Y + i], w[Z + j] - w[Z + i]
     # A square nanometre keeps a spring of no length from dividing by zero.
-    squared = dx * dx + dy * dy + dz * dz + w.dtype.type(1e-18)
-    excess = squared - rest * math.sqrt(squared)
+    squared = fused(dx, dx, fused(dy, dy, fused(dz, dz, w.dtype.type(1e-18))))
+    excess = fused(-rest, math.sqrt(squared), squared)
     if damping is not None:
         vx, vy, vz = w[VX + j] - w[VX + i], w[VY + j] - w[VY + i], w[VZ + j] - w[VZ + i]
-        excess += damping * (vx * dx + vy * dy + vz * dz)
+        excess = fused(damping, fused(vx, dx, fused(vy, dy, vz * dz)), excess)
     pull = stiffness * excess / squared
     return pull * dx, pull * dy, pull * dz
 
 
 @inlined
-def bend_flux(w, before, i, j, after, first, second):
-    """What bend springs pass from i to j along one coordinate [N], of four places in a row with two springs.
+def bend_flux(flux, w, before, i, j, after, first, second):
+    """A flux and what bend springs pass from i to j along one coordinate [N], of four places in a row with two springs.
 
     A bend spring on a, b, c has the energy 1/2 k (q_a - 2 q_b + q_c)^2, the flat-rest quadratic bending energy (Bergou
     2006, eq. 4, on a regular grid). Its forces (-D, 2 D, -D), D = k (q_a - 2 q_b + q_c), are those of two opposite
     fluxes, -D from a to b and D from b to c.
     """
     step = w[j] - w[i]
-    return first * (step - (w[i] - w[before])) - second * ((w[after] - w[j]) - step)
+    return fused(first, step - (w[i] - w[before]), fused(second, step - (w[after] - w[j]), flux))
 
 
 @inlined
-def twist_flux(w, i, j, left, right):
-    """What the cells on both sides of a thread pass down it from i to j along one coordinate [N].
+def twist_flux(flux, w, i, j, left, right):
+    """A flux and what the cells on both sides of a thread pass down it from i to j along one coordinate [N].
 
     A cell has the energy 1/2 k (q_00 - q_10 - q_01 + q_11)^2. Its forces, with T = k (q_00 - q_10 - q_01 + q_11),
     are those of two opposite fluxes down its sides, -T on its left and T on its right one.
     """
     step = w[j] - w[i]
-    return left * (step - (w[j - ONE] - w[i - ONE])) - right * ((w[j + ONE] - w[i + ONE]) - step)
+    return fused(left, step - (w[j - ONE] - w[i - ONE]), fused(right, step - (w[j + ONE] - w[i + ONE]), flux))
 
 
 @kernel

@@ -1,7 +1,7 @@
 """Forces on a cloth that is any triangle mesh.
 
 Gathering and scattering are what a mesh costs, and arithmetic vectorises only on what lies in a row. So each link, a
-pair of vertices with a spring or bending between them, belongs to one of its two ends, and link d of vertex i is number
+pair of vertices with a spring between them, belongs to one of its two ends, and link d of vertex i is number
 i of row d: its own end needs no index, and its force is added to that end in a row. Nothing is scattered:
 
 1. `pull`: for a block of vertices, row after row, fetch the other ends into contiguous room, compute, keep the forces;
@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.kernels.absent import typed
 from cape.kernels.cloth.grid import triangle_air_force
 from cape.kernels.jit import inlined, kernel, routine, unit
 from cape.kernels.state import State
@@ -56,12 +55,6 @@ class MeshSprings(NamedTuple):
     forces: Array
 
 
-class MeshBends(NamedTuple):
-    """Bending of a mesh: its force on a link's owner is `weight` [N/m] times the vector to the other end, as `rest`."""
-
-    weight: Array
-
-
 class MeshAir(NamedTuple):
     """Uniform wind [m/s] (3,), rho Cd / 12 and rho Cl / 12 [kg/m3], on triangles that one corner owns, D rows a block.
 
@@ -82,16 +75,11 @@ class MeshAir(NamedTuple):
 
 
 class MeshForces(NamedTuple):
-    """Springs of a mesh, and bending along the same links, which set `forces` (3, N) [N]; what it lacks is None.
-
-    `damping` and `bend_damping` are damping times [s].
-    """
+    """Springs of a mesh, which set `forces` (3, N) [N]; `damping` is their damping time [s], None for none."""
 
     state: State
     springs: MeshSprings
-    bends: MeshBends | None
     damping: float | None
-    bend_damping: float | None
     forces: Array
 
 
@@ -105,39 +93,35 @@ class MeshAirForces(NamedTuple):
 
 @unit
 def mesh_springs(g, team, substep, substeps, step):
-    """Set the forces on a thread's vertices to those of the springs, and of bending where there is any."""
+    """Set the forces on a thread's vertices to those of the springs."""
     s, springs = g.state, g.springs
     lo, hi, fx, fy, fz = team.lo, team.hi, g.forces[0], g.forces[1], g.forces[2]
     pack(lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, springs.words)
     meet(team)
-    pull_all(g, g.bends, g.damping, lo, hi)
+    pull_all(g, g.damping, lo, hi)
     meet(team)
     collect(lo, hi, springs.sorted_vertices, springs.start, springs.incoming, springs.forces, fx, fy, fz)
 
 
 @routine
-def pull_all(g, bends, damping, lo, hi):
-    """Pass on what `pull` needs.
+def pull_all(g, damping, lo, hi):
+    """Pass on what `pull` needs."""
+    s, springs, f = g.state, g.springs, g.forces
+    pull(
+        lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, springs.words, springs.second, springs.stiffness, springs.rest,
+        damping_of(damping, s.x), s.x.dtype.type(1e-18), springs.room, springs.forces, f[0], f[1], f[2],
+    )  # fmt: skip
 
-    No damping is a zero: left out, LLVM would load every other number by vector gathers, which cost more (14 ns instead
-    of 12 for a vertex).
+
+@inlined
+def damping_of(damping, array):
+    """A damping time in the precision of an array; none is a zero.
+
+    Left out, LLVM would load every other number by vector gathers, which cost more (14 ns instead of 12 for a vertex).
     """
-    s, springs = g.state, g.springs
-    fx, fy, fz = g.forces[0], g.forces[1], g.forces[2]
-    tiny = s.x.dtype.type(1e-18)
-    tau = s.x.dtype.type(0.0)
-    if damping is not None:
-        tau = s.x.dtype.type(damping)
-    if bends is not None:
-        pull(
-            lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, springs.words, springs.second, springs.stiffness, springs.rest,
-            bends.weight, tau, typed(g.bend_damping, s.x), tiny, springs.room, springs.forces, fx, fy, fz,
-        )  # fmt: skip
-    else:
-        pull(
-            lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, springs.words, springs.second, springs.stiffness, springs.rest,
-            None, tau, None, tiny, springs.room, springs.forces, fx, fy, fz,
-        )  # fmt: skip
+    if damping is None:
+        return array.dtype.type(0.0)
+    return array.dtype.type(damping)
 
 
 @unit
@@ -176,8 +160,7 @@ def interleave(n, p, v, packed):
 
 @kernel
 def pull(
-    lo, hi, x, y, z, vx, vy, vz, words, second, stiffness, rest, weight, damping, bend_damping, tiny, room, forces,
-    fx, fy, fz,
+    lo, hi, x, y, z, vx, vy, vz, words, second, stiffness, rest, damping, tiny, room, forces, fx, fy, fz
 ):  # fmt: skip
     """Compute the links of vertices lo to hi: set `f` to the forces on their owners, `forces` on the other ends [N]."""
     ends = room[lo // BLOCK]
@@ -193,15 +176,11 @@ def pull(
         for i in range(3 * BLOCK):
             total[i] = 0
         for d in range(rows):
-            kept = forces[(block * rows + d) * ENDS :]
             fetch(second[block, d], words[0], words[1], words[2], ends)
-            if weight is not None:
-                pull_row(
-                    numbers, own, stiffness[block, d], rest[block, d], weight[block, d], damping, bend_damping,
-                    tiny, kept, total,
-                )  # fmt: skip
-            else:
-                pull_row(numbers, own, stiffness[block, d], rest[block, d], None, damping, None, tiny, kept, total)
+            pull_row(
+                numbers, own, stiffness[block, d], rest[block, d], damping, tiny,
+                forces[(block * rows + d) * ENDS :], total,
+            )  # fmt: skip
         for i in range(n):
             fx[start + i], fy[start + i], fz[start + i] = total[i], total[BLOCK + i], total[2 * BLOCK + i]
 
@@ -222,7 +201,7 @@ def fetch(others, a, b, c, to):
 
 
 @inlined
-def pull_row(ends, own, stiffness, rest, weight, damping, bend_damping, tiny, forces, total):
+def pull_row(ends, own, stiffness, rest, damping, tiny, forces, total):
     """One row of links: `ends` holds the other ends' coordinates and velocities in turns."""
     for i in range(BLOCK):
         x, y, z = 2 * i, 2 * (BLOCK + i), 2 * (2 * BLOCK + i)
@@ -235,12 +214,7 @@ def pull_row(ends, own, stiffness, rest, weight, damping, bend_damping, tiny, fo
         squared = dx * dx + dy * dy + dz * dz + tiny
         stretched = squared - rest[i] * math.sqrt(squared) + damping * (ux * dx + uy * dy + uz * dz)
         along = stiffness[i] * stretched / squared
-        if weight is not None:
-            along += weight[i]
         px, py, pz = along * dx, along * dy, along * dz
-        if weight is not None and bend_damping is not None:
-            braked = weight[i] * bend_damping
-            px, py, pz = px + braked * ux, py + braked * uy, pz + braked * uz
         total[i] += px
         total[BLOCK + i] += py
         total[2 * BLOCK + i] += pz

@@ -118,7 +118,7 @@ def collide_faces(face_contact, turn, step):
                     soonest = turn + LONGEST
                     for n in range(1, colliders.active[0] + 1):
                         c = colliders.active[n]
-                        if not colliders.records[c].thin:
+                        if not faces.exposed[group, c]:
                             continue
                         wake = faces.wake[group, n - 1]
                         if attempt == 0 and wake <= turn:

@@ -24,7 +24,6 @@ COLLIDER = np.dtype(
         ("core", np.float64),
         ("thickness", np.float64),
         ("friction", np.float64),
-        ("thin", np.int64),
         ("placed", np.float64, 12),
         ("placed_at", np.int64),
         ("nearest", np.int64),
@@ -35,7 +34,7 @@ COLLIDER = np.dtype(
 )
 """A collider: `bone` carries it, `origin` [m] and `frame` shape_to_bone place its own frame, in which `sizes` say what
 it is. `core` [m] is how far a point may go at once without passing the middle, `thickness` [m] the distance at which
-the cloth is stopped; triangles must be kept out of it where it is `thin` as against them.
+the cloth is stopped.
 
 `placed` is shape_to_world as the rows of a rotation and an origin [m], as of the moment `placed_at`. `nearest`, `gaps`
 and `planes` are the addresses of the shape's distances: from a point, from a tile of them, and from triangles' middles.
@@ -87,7 +86,8 @@ class Faces(NamedTuple):
     """Triangles that must be kept out of those colliders that are thin as against their size.
 
     `corners` (3, F) are vertices; those of group g of triangles, from `starts` (G + 1,) g to g + 1, hang on vertices of
-    the same one of the `tiles` (G,), by edges of at most `longest` [m]. Notes: for each group `wake` (G, C) and `next`
+    the same one of the `tiles` (G,), by edges of at most `longest` [m]; `exposed` (G, C) tells which colliders are thin
+    as against any of them. Notes: for each group `wake` (G, C) and `next`
     (G,), as for the tiles of `Colliders`; `due`, the first of those of each chunk of groups; `middles`, of the group
     that is looked at, and `seen`, its triangles; `known` (F, 10), a bound from below of each triangle's distance [m]
     from the collider `known_of` (F,), and the corners in that collider's frame then; `haste`, how far a collider came
@@ -99,6 +99,7 @@ class Faces(NamedTuple):
     starts: NDArray[np.int64]
     tiles: NDArray[np.int64]
     longest: float
+    exposed: NDArray[np.bool_]
     wake: NDArray[np.int64]
     next: NDArray[np.int64]
     due: NDArray[np.int64]

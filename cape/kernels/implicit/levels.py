@@ -41,8 +41,8 @@ class Level(NamedTuple):
     each finer one. `gathered` lists the finer nodes of which each is made; `crossing` the places of the finer links
     that make up each link, and `held` of those from each node to what is held. `neighbours` (D, N) and the `links` (D,
     N) to them, itself and link E where there are less. `blocks` (6, E + 1) of the links, the last of them 0, and the
-    same as `beside` (D, 6, N) of each node's; `own`, `diagonal` and its inverse (6, N) [N/m]; `bending` (E + N,) is
-    part of `crossing` and `held` [N/m], and left out. `residual`, `moved`, `left` and `result` (3, N) are vectors.
+    same as `beside` (D, 6, N) of each node's; `own`, `diagonal` and its inverse (6, N) [N/m]. `residual`, `moved`,
+    `left` and `result` (3, N) are vectors.
     """
 
     moving: Lists
@@ -58,7 +58,6 @@ class Level(NamedTuple):
     own: Array
     diagonal: Array
     inverse: Array
-    bending: Array
     residual: Array
     moved: Array
     left: Array
@@ -110,10 +109,8 @@ def gather_links(g, team, substep, substeps, b):
     """Set the blocks of the first level's links from those of the links between vertices."""
     level, crossing = g.level, g.level.crossing
     lo, hi = share(0, level.blocks.shape[1] - 1, team)
-    bend = level.blocks.dtype.type(damped(g.matrix.bend_damping, b))
     sum_links(
-        lo, hi, g.stride, bend, g.coefficients, crossing.start, crossing.members, crossing.weights, level.bending,
-        level.blocks,
+        lo, hi, g.stride, g.coefficients, crossing.start, crossing.members, crossing.weights, level.blocks
     )  # fmt: skip
 
 
@@ -125,8 +122,7 @@ def gather_vertices(g, team, substep, substeps, b):
     lo, hi = share(0, level.own.shape[1], team)
     bend = level.blocks.dtype.type(damped(m.bend_damping, b))
     sum_links(
-        lo, hi, g.stride, bend, g.coefficients, held.start, held.members, held.weights,
-        level.bending[level.blocks.shape[1] - 1 :], level.own,
+        lo, hi, g.stride, g.coefficients, held.start, held.members, held.weights, level.own
     )  # fmt: skip
     add_own(lo, hi, m.front, bend, m.bend_diagonal, m.own, gathered.start, gathered.members, level.own)
     finish_matrix(lo, hi, level)
@@ -158,12 +154,11 @@ def finish_matrix(lo, hi, level):
 
 
 @kernel
-def sum_links(lo, hi, stride, bend, coefficients, start, places, scales, bending, blocks):
-    """Set blocks lo to hi to the sums of w w' + c without bending over lists of links, each times its scale."""
+def sum_links(lo, hi, stride, coefficients, start, places, scales, blocks):
+    """Set blocks lo to hi to the sums of w w' + c over lists of links, each times its scale."""
     zero = blocks.dtype.type(0)
     for item in range(lo, hi):
-        xx = -bend * bending[item]
-        yy, zz, xy, xz, yz = xx, xx, zero, zero, zero
+        xx = yy = zz = xy = xz = yz = zero
         for k in range(start[item], start[item + 1]):
             place, scale = np.int64(places[k]), scales[k]
             x, y, z = coefficients[place], coefficients[place + stride], coefficients[place + 2 * stride]

@@ -1,8 +1,8 @@
-"""Products with the stiffness of a mesh, link by link as in `kernels.cloth.mesh`; see `stiffness` for the matrix.
+"""Products with the stiffness of a mesh's springs, link by link as in `kernels.cloth.mesh`, and of its bending.
 
-Each link holds w and c of its spring, with bending added to c: the matrix of all bends is one of differences along
-links, some of them of negative weight. `coefficients` has the rows wx, wy, wz, c of each row of links, (blocks, D, 4,
-BLOCK); `ends` is room for what each link keeps for its other end, laid out as the forces there.
+See `stiffness` for the matrix. Each link holds w and c of its spring: `coefficients` has the rows wx, wy, wz, c of each
+row of links, (blocks, D, 4, BLOCK); `ends` is room for what each link keeps for its other end, laid out as the forces
+there. Bending is a constant matrix, scaled by damping: `kernels.cloth.mesh_bending`.
 """
 
 from typing import NamedTuple
@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.kernels.absent import row
-from cape.kernels.cloth.mesh import BLOCK, ENDS, MeshBends, MeshSprings, collect
+from cape.kernels.cloth.mesh import BLOCK, ENDS, MeshSprings, collect
+from cape.kernels.cloth.mesh_bending import MeshBends, add_rows, pack_vectors
 from cape.kernels.implicit.linearise import linearised
 from cape.kernels.implicit.stiffness import Matrix, damped
 from cape.kernels.jit import inlined, kernel, routine, unit
@@ -22,14 +22,47 @@ Array = NDArray[np.floating]
 
 
 class MeshStiffness(NamedTuple):
-    """The matrix of a mesh; `bends` is None without bending, `coefficients` and `ends` are as the module tells."""
+    """The matrix of a mesh's springs; `coefficients` and `ends` are as the module tells."""
 
     state: State
     springs: MeshSprings
-    bends: MeshBends | None
     matrix: Matrix
     coefficients: Array
     ends: Array
+
+
+class MeshBendStiffness(NamedTuple):
+    """The matrix of a mesh's bending, in the precision of the whole, and its `diagonal` [N/m] (L,)."""
+
+    bends: MeshBends
+    matrix: Matrix
+    diagonal: Array
+
+
+@unit
+def multiply_mesh_bends(g, team, substep, substeps, b):
+    """Add the product of p with a mesh's bending to q."""
+    p, q, bends, lo, hi = g.matrix.vectors[3], g.matrix.vectors[4], g.bends, team.lo, team.hi
+    scale = q.dtype.type(-damped(g.matrix.bend_damping, b))
+    pack_vectors(lo, hi, p[0], p[1], p[2], bends.packed)
+    meet(team)
+    add_rows(lo, hi, scale, bends.start, bends.others, bends.weight, bends.packed, q[0], q[1], q[2])
+
+
+@unit
+def add_mesh_bend_diagonal(g, team, substep, substeps, b):
+    """Add a mesh's bending to the block diagonal."""
+    lo, hi, blocks = team.lo, team.hi, g.matrix.inverse
+    scale = blocks.dtype.type(damped(g.matrix.bend_damping, b))
+    for coordinate in range(3):
+        add_scaled(scale, g.diagonal[lo:hi], blocks[coordinate, lo:hi])
+
+
+@kernel
+def add_scaled(scale, values, out):
+    """Add some values to `out`, scaled."""
+    for i in range(out.size):
+        out[i] += scale * values[i]
 
 
 @unit
@@ -44,24 +77,11 @@ def multiply_mesh(g, team, substep, substeps, b):
 @unit
 def linearise_mesh(g, team, substep, substeps, b):
     """Find w and c of a mesh's links."""
-    dtype = g.state.x.dtype.type
-    stretched, bend_scale = dtype(damped(g.matrix.damping, b)), dtype(damped(g.matrix.bend_damping, b))
-    _linearise(team.lo, team.hi, g.state, g.springs, g.bends, stretched, bend_scale, g.coefficients)
-
-
-@routine
-def _linearise(lo, hi, s, links, bends, stretched, bend_scale, coefficients):
-    tiny = s.x.dtype.type(1e-18)
-    if bends is not None:
-        linearise_links(
-            lo, hi, s.x, s.y, s.z, links.second, links.stiffness, links.rest, bends.weight, stretched, bend_scale,
-            tiny, coefficients,
-        )  # fmt: skip
-    else:
-        linearise_links(
-            lo, hi, s.x, s.y, s.z, links.second, links.stiffness, links.rest, None, stretched, bend_scale,
-            tiny, coefficients,
-        )  # fmt: skip
+    s, links, dtype = g.state, g.springs, g.state.x.dtype.type
+    linearise_links(
+        team.lo, team.hi, s.x, s.y, s.z, links.second, links.stiffness, links.rest,
+        dtype(damped(g.matrix.damping, b)), dtype(1e-18), g.coefficients,
+    )  # fmt: skip
 
 
 @unit
@@ -79,31 +99,19 @@ def add_mesh_diagonal(g, team, substep, substeps, b):
 
 
 @kernel
-def linearise_links(
-    lo, hi, x, y, z, second, stiffness, rest, weight, stretched, bend_scale, tiny, coefficients
-):  # fmt: skip
+def linearise_links(lo, hi, x, y, z, second, stiffness, rest, stretched, tiny, coefficients):
     """Fill w and c of the links that vertices lo to hi own."""
     for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
         start = block * BLOCK
         own_x, own_y, own_z = x[start:], y[start:], z[start:]
         for d in range(second.shape[1]):
             others, k, rests = second[block, d], stiffness[block, d], rest[block, d]
-            bends = row(row(weight, block), d)
             w = coefficients[block, d]
             for i in range(min(BLOCK, hi - start)):
                 j = others[i]
-                w[0, i], w[1, i], w[2, i], spring = linearised(
+                w[0, i], w[1, i], w[2, i], w[3, i] = linearised(
                     x[j] - own_x[i], y[j] - own_y[i], z[j] - own_z[i], k[i], rests[i], stretched, tiny
                 )
-                w[3, i] = spring + bend_of(bends, i, bend_scale)
-
-
-@inlined
-def bend_of(weight, i, scale):
-    """Bending along link i [N/m], 0 without bending."""
-    if weight is None:
-        return 0
-    return scale * weight[i]
 
 
 @kernel

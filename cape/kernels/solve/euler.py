@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.kernels.fused import fused
 from cape.kernels.jit import kernel, unit
 from cape.kernels.state import Inertia, State
 
@@ -34,9 +35,9 @@ def step_all(dt, gravity_x, gravity_y, gravity_z, inverse_mass, fx, fy, fz, x, y
     """One step: v += dt a, then x += dt v with the new v."""
     for i in range(x.size):
         a = dt * inverse_mass[i]
-        vx[i] += a * fx[i] + dt * gravity_x
-        vy[i] += a * fy[i] + dt * gravity_y
-        vz[i] += a * fz[i] + dt * gravity_z
-        x[i] += dt * vx[i]
-        y[i] += dt * vy[i]
-        z[i] += dt * vz[i]
+        vx[i] = fused(a, fx[i], fused(dt, gravity_x, vx[i]))
+        vy[i] = fused(a, fy[i], fused(dt, gravity_y, vy[i]))
+        vz[i] = fused(a, fz[i], fused(dt, gravity_z, vz[i]))
+        x[i] = fused(dt, vx[i], x[i])
+        y[i] = fused(dt, vy[i], y[i])
+        z[i] = fused(dt, vz[i], z[i])

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.kernels.fused import fused
 from cape.kernels.jit import inlined, kernel, routine
 
 Array = NDArray[np.floating]
@@ -70,7 +71,7 @@ def change_of(wanted, k, slack, impulse):
     """What is added to the impulse of constraint k, whose gain alone would add `wanted`; keeps the sum."""
     if impulse is None:
         return wanted
-    change = wanted - slack[k] * impulse[k]
+    change = fused(-slack[k], impulse[k], wanted)
     impulse[k] += change
     return change
 
@@ -105,30 +106,30 @@ def pull_together(
     """C(x) = |x1 - x0| - l0 between vertex i of one group of arrays and j of the other; `damping` [s] or None."""
     ax, ay, az, bx, by, bz = vx0[i], vy0[i], vz0[i], vx1[j], vy1[j], vz1[j]
     ux, uy, uz = bx - ax, by - ay, bz - az
-    dx, dy, dz = x1[j] - x0[i] + step * ux, y1[j] - y0[i] + step * uy, z1[j] - z0[i] + step * uz
-    squared = dx * dx + dy * dy + dz * dz + tiny
+    dx, dy, dz = fused(step, ux, x1[j] - x0[i]), fused(step, uy, y1[j] - y0[i]), fused(step, uz, z1[j] - z0[i])
+    squared = fused(dx, dx, fused(dy, dy, fused(dz, dz, tiny)))
     length = math.sqrt(squared)
-    stretch = squared - rest[k] * length
+    stretch = fused(-rest[k], length, squared)
     if damping is not None:
-        stretch += damping * (ux * dx + uy * dy + uz * dz)
+        stretch = fused(damping, fused(ux, dx, fused(uy, dy, uz * dz)), stretch)
     if impulse is None:
         scale = gain[k] * stretch / squared
     else:
         scale = change_of(gain[k] * stretch / length, k, slack, impulse) / length
     a, b = scale * w0[i], scale * w1[j]
-    vx0[i], vy0[i], vz0[i] = ax + a * dx, ay + a * dy, az + a * dz
-    vx1[j], vy1[j], vz1[j] = bx - b * dx, by - b * dy, bz - b * dz
+    vx0[i], vy0[i], vz0[i] = fused(a, dx, ax), fused(a, dy, ay), fused(a, dz, az)
+    vx1[j], vy1[j], vz1[j] = fused(-b, dx, bx), fused(-b, dy, by), fused(-b, dz, bz)
 
 
 @inlined
 def draw_to_middle(k, i, j, l, time, gain, slack, impulse, w0, w1, w2, p0, p1, p2, v0, v1, v2):  # noqa: E741
     """C(p) = p0 - 2 p1 + p2 along one coordinate, of vertices i, j and l of three groups; `time` is h + tau."""
     a, b, c = v0[i], v1[j], v2[l]
-    bend = p0[i] - p1[j] - p1[j] + p2[l] + time * (a - b - b + c)
+    bend = fused(time, a - b - b + c, p0[i] - p1[j] - p1[j] + p2[l])
     change = change_of(gain[k] * bend, k, slack, impulse)
-    v0[i] = a - change * w0[i]
-    v1[j] = b + (change + change) * w1[j]
-    v2[l] = c - change * w2[l]
+    v0[i] = fused(-change, w0[i], a)
+    v1[j] = fused(change + change, w1[j], b)
+    v2[l] = fused(-change, w2[l], c)
 
 
 @inlined
@@ -139,12 +140,12 @@ def straighten_cell(k, i, j, time, gain, slack, impulse, w0, w1, p0, p1, v0, v1)
     """
     ii, jj = i + unsigned(1), j + unsigned(1)
     a, b, c, d = v0[i], v0[ii], v1[j], v1[jj]
-    twist = (p1[jj] - p1[j]) - (p0[ii] - p0[i]) + time * ((d - c) - (b - a))
+    twist = fused(time, (d - c) - (b - a), (p1[jj] - p1[j]) - (p0[ii] - p0[i]))
     change = change_of(gain[k] * twist, k, slack, impulse)
-    v0[i] = a - change * w0[i]
-    v0[ii] = b + change * w0[ii]
-    v1[j] = c + change * w1[j]
-    v1[jj] = d - change * w1[jj]
+    v0[i] = fused(-change, w0[i], a)
+    v0[ii] = fused(change, w0[ii], b)
+    v1[j] = fused(change, w1[j], c)
+    v1[jj] = fused(-change, w1[jj], d)
 
 
 @inlined

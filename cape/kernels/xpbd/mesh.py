@@ -14,20 +14,31 @@ from cape.kernels.jit import inlined, kernel, routine, unit
 from cape.kernels.state import State
 from cape.kernels.team import meet, share
 from cape.kernels.xpbd.formulas import TINY, Constraints, bend_time, change_of, forget, pull_together, set_gains
+from cape.kernels.xpbd.membrane import MembraneConstraints, forget_membrane, stretch_membrane
 
 Array = NDArray[np.floating]
 
 
-class MeshConstraints(NamedTuple):
-    """Constraints of a mesh sorted by colour: springs between two vertices each (E,), bend springs on four (K, 4);
-    each colour goes from its place in `starts` to the next."""
+class SpringConstraints(NamedTuple):
+    """Springs between two vertices each (E,), sorted by colour; each colour goes from its place in `starts` to the
+    next."""
 
     first: NDArray[np.uint32]
     second: NDArray[np.uint32]
     starts: NDArray[np.int64]
     stretch: Constraints
+
+
+class MeshConstraints(NamedTuple):
+    """Constraints of a mesh: springs or a membrane, None for the other, and three bend springs on each of K patches of
+    M vertices (K, M), with coefficients (K, 3, M) and `mixed` (K, 3) as in `bend_listed`, sorted by colour like the
+    springs; their `bend` is flat, 3 K long."""
+
+    springs: SpringConstraints | None
+    membrane: MembraneConstraints | None
     vertices: NDArray[np.uint32]
     coefficients: Array
+    mixed: Array
     bend_starts: NDArray[np.int64]
     bend: Constraints | None
 
@@ -47,7 +58,7 @@ class MeshSweeps(NamedTuple):
 def prepare_mesh(g, team, substep, substeps, step):
     """Set all gains for a step."""
     s, c = g.state, g.constraints
-    prepare_list(c.stretch, typed(step, s.x), typed(g.damping, s.x), team)
+    prepare_springs(c.springs, typed(step, s.x), typed(g.damping, s.x), team)
     prepare_list(c.bend, typed(step, s.x), typed(g.bend_damping, s.x), team)
     meet(team)
 
@@ -58,11 +69,13 @@ def solve_mesh(g, team, substep, substeps, step):
     s, c = g.state, g.constraints
     h, tau = typed(step, s.x), typed(g.damping, s.x)
     time = bend_time(h, typed(g.bend_damping, s.x))
-    forget_list(c.stretch, team)
+    forget_springs(c.springs, team)
+    forget_membrane(c.membrane, team)
     forget_list(c.bend, team)
     meet(team)
     for _ in range(g.iterations):
-        stretch_colours(g, h, tau, team)
+        stretch_colours(g, c.springs, h, tau, team)
+        stretch_membrane(c.membrane, h, tau, g.inverse_mass, s, team)
         bend_colours(g, c.bend, time, team)
 
 
@@ -79,26 +92,44 @@ def stretch_listed(
 
 
 @kernel
-def bend_listed(vertices, coefficients, time, gain, slack, impulse_x, impulse_y, impulse_z, w, x, y, z, vx, vy, vz):
-    """C(p) = sum c_a p_a on four listed vertices (K, 4), along all three coordinates; `time` is h + tau."""
-    for k in range(gain.size):
-        bend_one(k, vertices, coefficients, time, gain, slack, impulse_x, w, x, vx)
-        bend_one(k, vertices, coefficients, time, gain, slack, impulse_y, w, y, vy)
-        bend_one(k, vertices, coefficients, time, gain, slack, impulse_z, w, z, vz)
+def bend_listed(
+    vertices, coefficients, mixed, time, gain, slack, impulse_x, impulse_y, impulse_z, w, x, y, z, vx, vy, vz
+):  # fmt: skip
+    """C(p) = sum c_a p_a for three rows of coefficients (K, 3, M) on the listed vertices (K, M), along all three
+    coordinates; `time` is h + tau.
+
+    The rows are solved one after the other as if each were by itself; but all are told before any vertex is changed,
+    and what one changes of the next ones' C is known beforehand: `mixed` (K, 3), the sums w c c' of the rows 0 and 1,
+    0 and 2, 1 and 2 [1/kg].
+    """
+    for k in range(vertices.shape[0]):
+        members, rows, none = vertices[k], coefficients[k], type(time)(0.0)
+        ax = ay = az = bx = by = bz = cx = cy = cz = none
+        for m in range(members.size):
+            j = members[m]
+            px, py, pz = x[j] + time * vx[j], y[j] + time * vy[j], z[j] + time * vz[j]
+            a, b, c = rows[0, m], rows[1, m], rows[2, m]
+            ax, ay, az = ax + a * px, ay + a * py, az + a * pz
+            bx, by, bz = bx + b * px, by + b * py, bz + b * pz
+            cx, cy, cz = cx + c * px, cy + c * py, cz + c * pz
+        ax, bx, cx = three_changes(k, ax, bx, cx, mixed[k], time, gain, slack, impulse_x)
+        ay, by, cy = three_changes(k, ay, by, cy, mixed[k], time, gain, slack, impulse_y)
+        az, bz, cz = three_changes(k, az, bz, cz, mixed[k], time, gain, slack, impulse_z)
+        for m in range(members.size):
+            j = members[m]
+            a, b, c = w[j] * rows[0, m], w[j] * rows[1, m], w[j] * rows[2, m]
+            vx[j] = vx[j] - (a * ax + b * bx + c * cx)
+            vy[j] = vy[j] - (a * ay + b * by + c * cy)
+            vz[j] = vz[j] - (a * az + b * bz + c * cz)
 
 
 @inlined
-def bend_one(k, vertices, coefficients, time, gain, slack, impulse, w, p, v):
-    """One bend constraint along one coordinate."""
-    a, b, c, d = vertices[k, 0], vertices[k, 1], vertices[k, 2], vertices[k, 3]
-    ca, cb, cc, cd = coefficients[k, 0], coefficients[k, 1], coefficients[k, 2], coefficients[k, 3]
-    va, vb, vc, vd = v[a], v[b], v[c], v[d]
-    bend = ca * (p[a] + time * va) + cb * (p[b] + time * vb) + cc * (p[c] + time * vc) + cd * (p[d] + time * vd)
-    change = change_of(gain[k] * bend, k, slack, impulse)
-    v[a] = va - change * ca * w[a]
-    v[b] = vb - change * cb * w[b]
-    v[c] = vc - change * cc * w[c]
-    v[d] = vd - change * cd * w[d]
+def three_changes(k, a, b, c, mixed, time, gain, slack, impulse):
+    """What is added to the impulses of patch k along one coordinate, of whose bend springs C is given."""
+    a = change_of(gain[3 * k] * a, 3 * k, slack, impulse)
+    b = change_of(gain[3 * k + 1] * (b - time * mixed[0] * a), 3 * k + 1, slack, impulse)
+    c = change_of(gain[3 * k + 2] * (c - time * (mixed[1] * a + mixed[2] * b)), 3 * k + 2, slack, impulse)
+    return a, b, c
 
 
 @routine
@@ -122,17 +153,32 @@ def forget_list(constraints, team):
 
 
 @routine
-def stretch_colours(g, step, damping, team):
-    """Go through all springs, colour by colour."""
-    s, c, w = g.state, g.constraints, g.inverse_mass
-    springs = c.stretch
-    for colour in range(c.starts.size - 1):
-        lo, hi = share(c.starts[colour], c.starts[colour + 1], team)
-        stretch_listed(
-            c.first[lo:hi], c.second[lo:hi], step, damping, typed(TINY, s.x), springs.gain[lo:hi], springs.rest[lo:hi],
-            part(springs.slack, lo, hi), part(springs.impulse, lo, hi), w, s.x, s.y, s.z, s.vx, s.vy, s.vz,
-        )  # fmt: skip
-        meet(team)
+def prepare_springs(springs, step, damping, team):
+    """Set this thread's share of the springs' gains."""
+    if springs is not None:
+        prepare_list(springs.stretch, step, damping, team)
+
+
+@routine
+def forget_springs(springs, team):
+    """Set this thread's share of the springs' impulses to zero, where they are kept at all."""
+    if springs is not None:
+        forget_list(springs.stretch, team)
+
+
+@routine
+def stretch_colours(g, c, step, damping, team):
+    """Go through all springs, if there are any, colour by colour."""
+    if c is not None:
+        s, w, springs = g.state, g.inverse_mass, c.stretch
+        for colour in range(c.starts.size - 1):
+            lo, hi = share(c.starts[colour], c.starts[colour + 1], team)
+            stretch_listed(
+                c.first[lo:hi], c.second[lo:hi], step, damping, typed(TINY, s.x), springs.gain[lo:hi],
+                springs.rest[lo:hi], part(springs.slack, lo, hi), part(springs.impulse, lo, hi), w,
+                s.x, s.y, s.z, s.vx, s.vy, s.vz,
+            )  # fmt: skip
+            meet(team)
 
 
 @routine
@@ -142,9 +188,10 @@ def bend_colours(g, bends, time, team):
     if bends is not None:
         for colour in range(c.bend_starts.size - 1):
             lo, hi = share(c.bend_starts[colour], c.bend_starts[colour + 1], team)
+            a, e = 3 * lo, 3 * hi
             bend_listed(
-                c.vertices[lo:hi], c.coefficients[lo:hi], time, bends.gain[lo:hi], part(bends.slack, lo, hi),
-                part(row(bends.impulse, 0), lo, hi), part(row(bends.impulse, 1), lo, hi),
-                part(row(bends.impulse, 2), lo, hi), g.inverse_mass, s.x, s.y, s.z, s.vx, s.vy, s.vz,
+                c.vertices[lo:hi], c.coefficients[lo:hi], c.mixed[lo:hi], time, bends.gain[a:e],
+                part(bends.slack, a, e), part(row(bends.impulse, 0), a, e), part(row(bends.impulse, 1), a, e),
+                part(row(bends.impulse, 2), a, e), g.inverse_mass, s.x, s.y, s.z, s.vx, s.vy, s.vz,
             )  # fmt: skip
             meet(team)

@@ -7,13 +7,14 @@ how far a run gets from the reference within a short while if it sets out from t
 shape, and what can be read off any shape.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cape.report.measured.trajectory import Setting, Stage, Trajectory
+from cape.run.step_error import limit_of
 
 FloatArray = NDArray[np.float64]
 
@@ -73,9 +74,29 @@ def window_error(stage: Stage, setting: Setting, reference: Trajectory) -> float
     """Root mean square error [mm] at the ends of the stage's windows; not a number where there are none."""
     if not reference.snapshots:
         return np.nan
-    exact = reference.positions[[start + stage.window for start in reference.snapshots]]
-    off = stage.run_windows(setting, reference) - exact
-    return 1e3 * float(np.sqrt(np.mean(np.sum(off**2, axis=2))))
+    return apart_mm(stage.run_windows(setting, reference), window_ends(stage, reference))
+
+
+def window_ends(stage: Stage, reference: Trajectory) -> FloatArray:
+    """Where the reference is at the ends of the stage's W windows [m], shape (W, V, 3)."""
+    return reference.positions[[start + stage.window for start in reference.snapshots]]
+
+
+def apart_mm(first: FloatArray, second: FloatArray) -> float:
+    """Root mean square distance between vertices [mm], of positions [m], shape (W, V, 3)."""
+    return 1e3 * float(np.sqrt(np.mean(np.sum((first - second) ** 2, axis=2))))
+
+
+def own_limit(ends: Mapping[int, FloatArray]) -> FloatArray | None:
+    """Where ever shorter steps of one solver would end the windows [m], shape (W, V, 3), from the ends by substeps.
+
+    It takes the three finest settings; None where there are fewer, or their steps don't shrink evenly.
+    """
+    counts = sorted(ends)[-3:]
+    if len(counts) < 3 or counts[1] ** 2 != counts[0] * counts[2]:
+        return None
+    windows = zip(*(ends[count] for count in counts), strict=True)
+    return np.stack([limit_of(levels, counts[2] / counts[1]).positions for levels in windows])
 
 
 def converge(

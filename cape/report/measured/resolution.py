@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from cape.bench.figures import Figures
 from cape.cloth.cloth import GridCloth
+from cape.report.measured.braking import brake
 from cape.report.measured.clock import Clock, Timing, quickest
 from cape.run.simulation import Diverged, Simulation
 from cape.scene.poses import Pose, poses_of
@@ -220,7 +221,7 @@ def come_to_rest(simulation: Simulation, pose: Pose) -> bool:
     for _ in range(round(PATIENCE / RESTING)):
         for _ in range(round(RESTING * FPS)):
             simulation.step(pose, 1.0 / FPS)
-            _brake(simulation, CALMED)
+            brake(simulation, CALMED)
         now = simulation.positions
         if distance(now, last) < REST:
             return True
@@ -260,21 +261,13 @@ def _started(standard: StandardScene, solver: str) -> tuple[Simulation, Pose]:
     return simulation, pose
 
 
-def _brake(simulation: Simulation, share: float) -> None:
-    """Leave a share of the velocity of a simulation."""
-    snapshot = simulation.snapshot()
-    state = snapshot.place.state.copy()
-    state[:, 3:] *= share
-    simulation.start_from(snapshot._replace(place=snapshot.place._replace(state=state)))
-
-
 def _swing(simulation: Simulation, pose: Pose, repeats: int) -> tuple[float, Timing]:
     """Release a flat sheet at rest in its slowest swing; period [s], and times per second of motion [s]."""
     cloth = simulation.scene.cloth
     down = cloth.pattern[:, 1]
     mode = first_mode(1.0 - down / down.max())
     simulation.disturb(RELEASE * mode[:, None] * np.array([1.0, 0.0, 0.0]))
-    _brake(simulation, 0.0)
+    brake(simulation, 0.0)
     start = simulation.snapshot()
     # It passes the middle after a quarter, three and five quarters of a period.
     frames = math.ceil(1.4 * _chain_period_of(simulation.scene) * FPS)

@@ -3,12 +3,22 @@
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cape.bench.figures import Figures
-from cape.report.measured.accuracy import LAST, Error, Reference, converge, error_of, window_error
+from cape.report.measured.accuracy import (
+    LAST,
+    Error,
+    Reference,
+    apart_mm,
+    converge,
+    error_of,
+    own_limit,
+    window_ends,
+)
 from cape.report.measured.trajectory import EXACT, WINDOW, Setting, Stage, Trajectory
 from cape.report.plan import Plan
 from cape.run.auto import Auto
@@ -21,6 +31,7 @@ LEFT_OUT = "left out"
 SHOWN_MM = 10.0  # error that the run which is shown of a solver may have
 
 Told = Callable[[int], Callable[[], None]]
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -45,6 +56,10 @@ class Row(Figures):
         retaken: frames that were taken again in shorter steps, or did not converge.
         frames: that it got through.
         result: "finished", or why it broke off or was left out.
+        step_mm: the part of `window_mm` that is the time step's: the distance, at the same time, from where ever
+            shorter steps of the same solver lead (`own_limit`).
+        model_mm: the rest, which no step makes any smaller: how far that limit is from the reference, as the solver
+            models contact in another way. The same for all settings of a solver.
         cpu_seconds_per_second: CPU time per second of motion of that run.
         disturbed: whether something else had the processor whenever it was run.
     """
@@ -67,6 +82,8 @@ class Row(Figures):
     result: str = "finished"
     cpu_seconds_per_second: float = math.nan
     disturbed: bool = False
+    step_mm: float = math.nan
+    model_mm: float = math.nan
 
     @property
     def left_out(self) -> bool:
@@ -136,8 +153,9 @@ def sweep(stage: Stage, plan: Plan, told: Told = lambda steps: lambda: None) -> 
     most = (1.0 - REFERENCE_SHARE) * plan.scene_s
     left = max(plan.scene_s - (time.perf_counter() - begun), most)
     for k, solver in enumerate(settings):
-        share = left / (len(settings) - k)
-        for row, run in _runs(stage, settings[solver], plan.repeats, share, most, reference.trajectory):
+        share, ends = left / (len(settings) - k), {}
+        first = len(rows)
+        for row, run in _runs(stage, settings[solver], plan.repeats, share, most, reference.trajectory, ends):
             rows.append(row)
             if run is not None:
                 left -= run.spent
@@ -146,14 +164,23 @@ def sweep(stage: Stage, plan: Plan, told: Told = lambda steps: lambda: None) -> 
                 if best is None or _is_better(row, error_of(best, reference.trajectory), best):
                     shown[solver] = run
             advance()
+        rows[first:] = _with_limits(rows[first:], ends, stage, reference.trajectory)
     uncertainty = row_of(name, reference.trajectory, reference.uncertainty, reference.window_mm)
     return Sweep(stage, reference, uncertainty, rows, shown)
 
 
-def _runs(stage: Stage, settings: list[Setting], repeats: int, share: float, windows_in: float, reference: Trajectory):
+def _runs(
+    stage: Stage,
+    settings: list[Setting],
+    repeats: int,
+    share: float,
+    windows_in: float,
+    reference: Trajectory,
+    ends: dict[int, FloatArray],
+):
     """Yield a row for each setting, and its run, None where that would have taken too long.
 
-    All runs may take `share`, and the windows of each `windows_in` [s].
+    All runs may take `share`, and the windows of each `windows_in` [s]; where they end is added to `ends`, by substeps.
     """
     spent, last = 0.0, None
     windows_s = 0.0 if stage.standard.smooth else WINDOW * len(stage.window_starts)
@@ -168,9 +195,22 @@ def _runs(stage: Stage, settings: list[Setting], repeats: int, share: float, win
         most = share / len(settings)
         last = stage.run(setting, repeats=repeats, enough=lambda taken, most=most: taken > most)
         known = not stage.standard.smooth and last.seconds * windows_s <= windows_in
-        window_mm = window_error(stage, setting, reference) if known else math.nan
+        window_mm = math.nan
+        if known and reference.snapshots:
+            found = ends[last.substeps] = stage.run_windows(setting, reference)
+            window_mm = apart_mm(found, window_ends(stage, reference))
         spent += last.spent
         yield row_of(stage.standard.name, last, error_of(last, reference), window_mm), last
+
+
+def _with_limits(rows: list[Row], ends: dict[int, FloatArray], stage: Stage, reference: Trajectory) -> list[Row]:
+    """The rows of one solver, with what is the step's and what the contact model's where its windows tell."""
+    limit = own_limit(ends)
+    if limit is None:
+        return rows
+    model_mm = apart_mm(limit, window_ends(stage, reference))
+    steps = {substeps: apart_mm(found, limit) for substeps, found in ends.items()}
+    return [replace(row, step_mm=steps.get(row.substeps, math.nan), model_mm=model_mm) for row in rows]
 
 
 def _seconds(duration: float) -> str:

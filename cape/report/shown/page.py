@@ -17,6 +17,8 @@ from cape.report.measured.sweep import Row
 from cape.report.measured.trajectory import WINDOW
 from cape.report.plan import ACCURACIES_MM
 from cape.report.run import Report, Scene
+from cape.report.shown import world
+from cape.report.shown.tables import number, table
 from cape.run.auto import Auto
 from motions.files import write_text
 
@@ -48,25 +50,17 @@ def markdown(report: Report, *, pictures: bool, recordings: bool, command: str) 
         "# What a time step costs, and what it is worth",
         "",
         f"`{command}` on {machine['processor'] or machine['architecture']}, one thread; {versions}.",
-        "",
-        "## Which solver for which accuracy",
-        "",
-        "The fastest setting whose error is at most so large, and how many times faster than real time it is. "
-        "Where contact or buckling make single trajectories diverge, the error is what a run gathers "
-        f"within {WINDOW:g} s from states of the reference.",
-        "",
-        *_table(
-            ["scene", "error of", *(f"{mm:g} mm" for mm in ACCURACIES_MM), "left out"],
-            [[scene.name, _measure(scene), *_choices(scene), _left_out(scene)] for scene in report.scenes],
-        ),
     ]
+    lines += ["", *_accuracy(report)]
     lines += ["", *_faults(report)]
     lines += ["", *_stability(report)]
     lines += ["", *_space(report, pictures=pictures)]
     lines += ["", *_energy(report, pictures=pictures)]
+    lines += ["", *world.section(report.world)]
     for scene in report.scenes:
         lines += ["", *_section(scene, pictures=pictures, recordings=recordings)]
-    lines += ["", *_notes()]
+    if report.plan.scenes:
+        lines += ["", *_notes()]
     return "\n".join(lines) + "\n"
 
 
@@ -103,10 +97,10 @@ def _asked(scene: Scene) -> list[str]:
         if row.solver == Auto.name and row.finished:
             best = choice(scene, float(row.setting.removesuffix(" mm")))
             fixed = "" if best is None else f"{NAMES[best.solver]}, {best.setting}: {_speed(best)}"
-            rows.append([row.setting, f"{_number(row.rms_mm)} mm", _speed(row), fixed])
+            rows.append([row.setting, f"{number(row.rms_mm)} mm", _speed(row), fixed])
     if not rows:
         return []
-    return ["", *_table(["asked for", "error", "speed", "fastest setting as accurate"], rows)]
+    return ["", *table(["asked for", "error", "speed", "fastest setting as accurate"], rows)]
 
 
 def _choices(scene: Scene) -> list[str]:
@@ -139,6 +133,24 @@ def _left_out(scene: Scene) -> str:
     return ", ".join(texts)
 
 
+def _accuracy(report: Report) -> list[str]:
+    """What to choose for which accuracy in each scene."""
+    if not report.plan.scenes:
+        return []
+    return [
+        "## Which solver for which accuracy",
+        "",
+        "The fastest setting whose error is at most so large, and how many times faster than real time it is. "
+        "Where contact or buckling make single trajectories diverge, the error is what a run gathers "
+        f"within {WINDOW:g} s from states of the reference.",
+        "",
+        *table(
+            ["scene", "error of", *(f"{mm:g} mm" for mm in ACCURACIES_MM), "left out"],
+            [[scene.name, _measure(scene), *_choices(scene), _left_out(scene)] for scene in report.scenes],
+        ),
+    ]
+
+
 def _faults(report: Report) -> list[str]:
     """What does not pass, in a line for each solver."""
     if not report.stability:
@@ -165,13 +177,13 @@ def _space(report: Report, *, pictures: bool) -> list[str]:
         ("substeps", lambda row: str(row.substeps)),
         ("hem height m", lambda row: _fixed(row.hem_height_m, 4)),
         ("hem width m", lambda row: _fixed(row.hem_width_m, 4)),
-        ("shape error mm", lambda row: _number(row.shape_mm)),
+        ("shape error mm", lambda row: number(row.shape_mm)),
         ("order", lambda row: _fixed(row.shape_order, 1)),
         ("period s", lambda row: _fixed(row.period_s, 4)),
         ("error", lambda row: "" if math.isnan(row.period_error) else f"{row.period_error:+.3%}"),
         ("order", lambda row: _fixed(row.period_order, 1)),
-        ("s per s", lambda row: _number(row.seconds_per_second) if row.result == "finished" else row.result),
-        ("CPU s per s", lambda row: _number(row.cpu_seconds_per_second) + " (disturbed)" * row.disturbed),
+        ("s per s", lambda row: number(row.seconds_per_second) if row.result == "finished" else row.result),
+        ("CPU s per s", lambda row: number(row.cpu_seconds_per_second) + " (disturbed)" * row.disturbed),
     ]
     return [
         "## What resolution buys",
@@ -188,7 +200,7 @@ def _space(report: Report, *, pictures: bool) -> list[str]:
         "time per second of motion.",
         "",
         *(["![One sheet at several spacings](space.png)", ""] if pictures else []),
-        *_table([name for name, _ in columns], [[of(row) for _, of in columns] for row in report.space]),
+        *table([name for name, _ in columns], [[of(row) for _, of in columns] for row in report.space]),
     ]
 
 
@@ -222,7 +234,7 @@ def _stability(report: Report) -> list[str]:
         "counts from the frame on in which the bones rest. Where runs differ by more than "
         f"{SCATTER:.0%} in strain, or in what becomes of them, they are chaotic, and the least strain is shown, too.",
         "",
-        *_table(["case", "strain allowed", *(NAMES[solver] for solver in report.plan.solvers)], rows),
+        *table(["case", "strain allowed", *(NAMES[solver] for solver in report.plan.solvers)], rows),
     ]
 
 
@@ -237,7 +249,7 @@ def _cell(outcome: Outcome) -> str:
     strain = f"{outcome.stretch_max:.1%}"
     if outcome.chaotic:
         strain = f"chaotic, {outcome.stretch_least:.1%} to {strain}"
-    numbers = f"{strain}, {_number(outcome.penetration_max_mm)} mm{growth}, {outcome.seconds:.2f} s"
+    numbers = f"{strain}, {number(outcome.penetration_max_mm)} mm{growth}, {outcome.seconds:.2f} s"
     again = f", {outcome.retaken} again" if outcome.retaken else ""
     return f"{outcome.result}: {numbers}{again}" + (f" ({outcome.why})" if outcome.why else "")
 
@@ -259,12 +271,12 @@ def _energy(report: Report, *, pictures: bool) -> list[str]:
         lines += ["", f"**{name}**", ""]
         if pictures:
             lines += [f"![{name}: energy over time]({name}_energy.png)", ""]
-        lines += _table(["solver", "setting", *ENERGY_TERMS, "gap"], rows)
+        lines += table(["solver", "setting", *ENERGY_TERMS, "gap"], rows)
     return lines
 
 
 def _account(account: Account) -> list[str]:
-    terms = [_number(1e3 * account.curves[term][-1]) for term in ENERGY_TERMS]
+    terms = [number(1e3 * account.curves[term][-1]) for term in ENERGY_TERMS]
     why = "" if account.result == "finished" else f" ({account.result})"
     return [NAMES[account.solver], account.setting + why, *terms, f"{account.gap:.0e}"]
 
@@ -276,8 +288,8 @@ def _section(scene: Scene, *, pictures: bool, recordings: bool) -> list[str]:
         lines += [f"![{scene.name}: run time against error]({scene.name}.png)", ""]
     lines += [
         f"{scene.vertices:,} vertices, {scene.seconds:g} s. The reference, {NAMES[sure.solver]} in double precision "
-        f"at {sure.substeps} substeps, changes by {_number(sure.rms_mm)} mm (at most {_number(sure.max_mm)} mm, mean "
-        f"shape {_number(sure.shape_mm)} mm{_and_window(sure)}) when its step is halved."
+        f"at {sure.substeps} substeps, changes by {number(sure.rms_mm)} mm (at most {number(sure.max_mm)} mm, mean "
+        f"shape {number(sure.shape_mm)} mm{_and_window(sure)}) when its step is halved."
         + (f" Side by side: `rerun {scene.name}.rrd`." if recordings else ""),
         "",
     ]
@@ -285,26 +297,35 @@ def _section(scene: Scene, *, pictures: bool, recordings: bool) -> list[str]:
         ("solver", lambda row: NAMES[row.solver]),
         ("setting", lambda row: row.setting),
         ("speed", lambda row: _speed(row) if row.finished else row.result),
-        ("CPU s per s", lambda row: _number(row.cpu_seconds_per_second)),
-        ("RMS mm", lambda row: _number(row.rms_mm)),
-        ("max mm", lambda row: _number(row.max_mm)),
-        (f"RMS mm after {WINDOW:g} s", lambda row: _number(row.window_mm)),
-        ("mean shape mm", lambda row: _number(row.shape_mm)),
+        ("CPU s per s", lambda row: number(row.cpu_seconds_per_second)),
+        ("RMS mm", lambda row: number(row.rms_mm)),
+        ("max mm", lambda row: number(row.max_mm)),
+        (f"RMS mm after {WINDOW:g} s", lambda row: number(row.window_mm)),
+        ("the step's", lambda row: number(row.step_mm)),
+        ("contact model's", lambda row: number(row.model_mm)),
+        ("mean shape mm", lambda row: number(row.shape_mm)),
         ("stretch", lambda row: "" if math.isnan(row.stretch_max) else f"{row.stretch_max:.1%}"),
-        ("lowest m", lambda row: _number(row.lowest_m)),
-        ("kinetic energy J", lambda row: _number(row.kinetic_energy_j)),
-        ("penetration mm", lambda row: _number(row.penetration_max_mm)),
+        ("lowest m", lambda row: number(row.lowest_m)),
+        ("kinetic energy J", lambda row: number(row.kinetic_energy_j)),
+        ("penetration mm", lambda row: number(row.penetration_max_mm)),
         ("frames retaken", lambda row: str(row.retaken)),
     ]
     if scene.smooth:
-        apart = (f"RMS mm after {WINDOW:g} s", "mean shape mm", "lowest m", "penetration mm")
+        apart = (
+            f"RMS mm after {WINDOW:g} s",
+            "the step's",
+            "contact model's",
+            "mean shape mm",
+            "lowest m",
+            "penetration mm",
+        )
         columns = [column for column in columns if column[0] not in apart]
     shown = [[of(row) for _, of in columns] for row in [*_given(scene), sure]]
-    return [*lines, *_table([name for name, _ in columns], shown), *_asked(scene)]
+    return [*lines, *table([name for name, _ in columns], shown), *_asked(scene)]
 
 
 def _and_window(sure: Row) -> str:
-    return "" if math.isnan(sure.window_mm) else f", {_number(sure.window_mm)} mm within {WINDOW:g} s"
+    return "" if math.isnan(sure.window_mm) else f", {number(sure.window_mm)} mm within {WINDOW:g} s"
 
 
 def _notes() -> list[str]:
@@ -322,13 +343,11 @@ def _notes() -> list[str]:
         f"error that a run gathers within {WINDOW:g} s from the reference's own state, the mean shape, stretch, the "
         f"lowest point and the kinetic energy, the last two as means over the last {LAST:g} s. The explicit solvers "
         "stop the cloth at a collider, the implicit ones push it out by a stiff force, so that their limits differ. "
+        "That error is therefore split: into how far a setting is from where ever shorter steps of the same solver "
+        "lead, which is the step's; and how far that limit is from the reference, which is the contact model's, and "
+        "which no step makes smaller. They add up as vectors do. "
         f"Where solvers are so slow that this would take too long, there is no error after {WINDOW:g} s.",
     ]
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    return lines + ["| " + " | ".join(cells) + " |" for cells in rows]
 
 
 def _measure(scene: Scene) -> str:
@@ -340,15 +359,7 @@ def _error(scene: Scene, row: Row) -> float:
 
 
 def _speed(row: Row) -> str:
-    return f"{_number(1.0 / row.seconds_per_second)} x" + " (disturbed)" * row.disturbed
-
-
-def _number(value: float) -> str:
-    """Three digits, without an exponent."""
-    if math.isnan(value):
-        return ""
-    digits = max(0, 2 - math.floor(math.log10(abs(value)))) if value else 0
-    return f"{value:.{min(digits, 6)}f}"
+    return f"{number(1.0 / row.seconds_per_second)} x" + " (disturbed)" * row.disturbed
 
 
 def write(report: Report, folder: Path, *, pictures: bool, recordings: bool, command: str) -> str:

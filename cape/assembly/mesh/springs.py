@@ -9,26 +9,22 @@ that edge: a patch. The stiffness of each patch is the k >= 0 nearest to the fab
 tensor; each triangle gives most of its area to those of its patches that come nearest. On a grid whose cells are split
 along either diagonal, the patches of the diagonals are exact, and the springs are those of the grid.
 
-Elsewhere the fabric is met in the mean. For the default fabric (shear a tenth of stretch) on cells split at random,
-with vertices moved by up to 0.3 of a cell, stretch along the threads is 1.3 % low and shear 15 % high; with the threads
-turned by 45 degrees 3 % low and 30 % high. It is worst for threads at 22.5 degrees to the edges: 6 % low and 59 % high,
-and on a regular split grid 31 % low along one thread with shear 2.3 times the fabric's, since springs oblique to the
-threads resist shear as they resist stretch. The smaller shear is against stretch, the more of it is too much: a fabric
-with a hundredth has six times its shear in the random cells. The same mixes threads that differ: of a warp five times
-as stiff as the weft, with a fortieth in shear, random cells make 1 % less and 5 % less, and with the threads at 45
-degrees 3 % and 11 % less.
+Elsewhere springs meet the fabric in the mean at best, and oblique ones resist shear as they resist stretch: of a fabric
+whose shear is a hundredth of its stretch, cells split at random with vertices moved by up to 0.3 of a cell have six
+times the shear. Where springs miss the fabric by more than `MISSED` a membrane takes their place.
 
-Bend springs are the hinges of Bergou, Wardetzky, Harmon, Zorin and Grinspun 2006, "A quadratic bending model for
-inextensible surfaces", section 4: 1/2 k |sum c_a p_a|^2 with c from the cotangents of the hinge at rest, and k from the
-fabric's stiffness against bending in the direction across the hinge.
+Bend springs are the curvatures of the triangles, `cape.assembly.mesh.curvature`.
 """
+
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly.membrane import membrane_of
+from cape.assembly.mesh.curvature import curvatures
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import MeshCloth, areas
-from cape.cloth.fabric import Fabric
 from cape.cloth.triangle_mesh import Edges, edges_of
 from cape.kernels.cloth.fit import fit_weights
 
@@ -41,6 +37,8 @@ LEAST_SHARE = 0.01
 NEGLIGIBLE = 1e-3
 SWEEPS = 200  # of the fit
 RIDGE = 1e-6  # of the fit, relative: shares stiffness evenly between springs that do the same
+MISSED = 0.01  # of the fabric's stiffness, from which on springs are no longer as good as a membrane
+NOTHING = 1e-9  # size of a curvature's coefficients, times the area, below which they are rounding
 SHARPNESS = 1e-6  # squared relative misfit at which a patch gets half of the area it gets when it is exact
 
 
@@ -48,8 +46,12 @@ def mesh_springs(cloth: MeshCloth) -> Springs:
     """Derive the springs of a mesh from its flat triangles and fabric."""
     edges = edges_of(cloth.faces)
     layers = np.ones(len(cloth.faces)) if cloth.layers is None else cloth.layers
-    area = areas(cloth.corners)
-    edge_stiffness, cross_stiffness, edge_length, cross_length = _in_plane(cloth, edges, area * layers)
+    area = areas(cloth.corners) * layers
+    edge_stiffness, cross_stiffness, edge_length, cross_length, missed = _in_plane(cloth, edges, area)
+    membrane = None
+    if missed > MISSED:
+        membrane = membrane_of(cloth, edges)
+        edge_stiffness, cross_stiffness = np.zeros_like(edge_stiffness), np.zeros_like(cross_stiffness)
     opposite = cloth.faces.ravel()[_corner(edges.sides, 2)]
     kept = cross_stiffness > 0.0
     pairs = np.concatenate([edges.vertices, np.sort(opposite[kept], axis=1)])
@@ -57,7 +59,7 @@ def mesh_springs(cloth: MeshCloth) -> Springs:
     rest = np.concatenate([edge_length, cross_length[kept]])
     measured = np.arange(len(pairs)) < len(edges.vertices)
     order = np.lexsort((pairs[:, 1], pairs[:, 0]))
-    bend_vertices, bend_coefficients, bend_stiffness = _hinges(cloth, edges, area, layers)
+    bend_vertices, bend_coefficients, bend_stiffness = _bends(cloth, edges, area)
     return Springs(
         first=pairs[order, 0],
         second=pairs[order, 1],
@@ -67,6 +69,7 @@ def mesh_springs(cloth: MeshCloth) -> Springs:
         bend_vertices=bend_vertices,
         bend_coefficients=bend_coefficients,
         bend_stiffness=bend_stiffness,
+        membrane=membrane,
     )
 
 
@@ -119,8 +122,11 @@ def _fit(tensors: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArra
 
 def _in_plane(
     cloth: MeshCloth, edges: Edges, area: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Stiffness [N/m] of edges (E,) and cross springs (I,), and their rest lengths [m]; `area` [m2] counts layers."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
+    """Stiffness [N/m] of edges (E,) and cross springs (I,), their rest lengths [m], and the share that they miss.
+
+    That is the root mean square of how far patches are from the fabric, by area. `area` [m2] counts layers.
+    """
     warp, weft = cloth.fabric.stretch_warp, cloth.fabric.stretch_weft
     target = np.array([weft, warp, 6.0**0.5 * cloth.fabric.shear, 0.0, 0.0])
     stretch = min(warp, weft)
@@ -145,66 +151,33 @@ def _in_plane(
     trust = 1.0 / (misfit**2 + SHARPNESS)
     owner = edges.sides // 3
     shares = trust[:, None] / np.bincount(owner.ravel(), np.repeat(trust, 2), len(area))[owner]
-    stiffness_area = weight * (shares * area[owner]).sum(axis=1)[:, None]
+    taken = (shares * area[owner]).sum(axis=1)
+    stiffness_area = weight * taken[:, None]
     carried = np.concatenate([edges.interior[:, None], of_side[others]], axis=1)
     edge_sum = np.bincount(carried.ravel(), stiffness_area[:, :5].ravel(), len(length)).astype(float)
 
     alone = np.setdiff1d(np.arange(len(area)), owner)
-    weight, _ = _fit(tensor.reshape(-1, 3, 5)[alone], target)
+    weight, misfit_alone = _fit(tensor.reshape(-1, 3, 5)[alone], target)
+    missed = float(((taken @ misfit**2 + area[alone] @ misfit_alone**2) / area.sum()) ** 0.5)
     edge_sum += np.bincount(edges.of_triangle[alone].ravel(), (weight * area[alone, None]).ravel(), len(length))
 
     around = np.bincount(of_side, np.repeat(area / 3.0, 3), len(length))
     edge_stiffness = np.maximum(edge_sum, LEAST_SHARE * stretch * around) / length**2
     slight = stiffness_area[:, 5] < NEGLIGIBLE * stretch * around[edges.interior]
-    return edge_stiffness, np.where(slight, 0.0, stiffness_area[:, 5]) / cross_length**2, length, cross_length
+    return edge_stiffness, np.where(slight, 0.0, stiffness_area[:, 5]) / cross_length**2, length, cross_length, missed
 
 
-def _hinges(
-    cloth: MeshCloth, edges: Edges, area: FloatArray, layers: FloatArray
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Vertices (I, 4), coefficients (I, 4) and stiffness [N/m] (I,) of the hinges.
+def _bends(cloth: MeshCloth, edges: Edges, area: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Bend springs, three for each triangle: vertices (K, M), coefficients (K, M) and stiffness [N/m] (K,).
 
-    The paper's energy of an edge is 3 / (2 (A0 + A1)) |K x|^2: of (A0 + A1) / 3, its share of the area, bent by 3 K x /
-    (A0 + A1), which is right in the mean of edges but not in their mean square. That is the number of families of edges
-    in which the curvature could gather, 3, on grids bent along their threads and on equilateral triangles, and more on
-    irregular ones. Each energy is divided by the mean around its vertices. Then a sheet bent to a cylinder has the
-    energy of its fabric to the last hinge on those grids along their threads and on equilateral triangles in every
-    direction; a grid split one way is right across one diagonal and three times as stiff across the other, and
-    one split at random with moved vertices within 5 % along its threads and up to 1.6 times as stiff across diagonals.
-
-    Each hinge takes the fabric's stiffness in the direction across it. Threads that bend differently do so to the last
-    hinge on grids split one way along them. Elsewhere the hinges beside mix them: of a warp four times as stiff as the
-    weft, that random mesh has 0.82 times the one and 1.33 times the other, and with its threads at 45 degrees to the
-    cells 0.51 and 2.5 times.
+    Of a curvature k along the weft, t of twist and j along the warp the energy per area is
+    (B_weft k^2 + 2 sqrt(B_weft B_warp) t^2 + B_warp j^2) / 2: `Fabric.bend_along` in every direction.
     """
-    faces = cloth.faces.ravel()
-    crossing, places, low, along = _unfold(cloth, edges)
-    x, height = places[..., 0], places[..., 1]
-    length = np.linalg.norm(along, axis=1)
-    # Cotangents of the angles at the lower and the higher vertex of the edge, summed over both triangles.
-    at_low = (x / height).sum(axis=1)
-    at_high = ((length[:, None] - x) / height).sum(axis=1)
-    over_height = length[:, None] / height
-    vertices = np.concatenate([edges.vertices[edges.interior], faces[_corner(edges.sides, 2)]], axis=1)
-    coefficients = np.stack([at_high, at_low, -over_height[:, 0], -over_height[:, 1]], axis=1)
-
-    owner = edges.sides // 3
-    around = area[owner].sum(axis=1)
-    apex = cloth.corners.reshape(-1, 2)[_corner(edges.sides[:, 0], 2)] - low
-    flat = np.stack([np.zeros_like(low), along, apex, apex + crossing[:, 0]], axis=1)
-    # Bent to the unit curvature along the weft and along the warp.
-    bent = 3.0 / around[:, None] * np.einsum("im,imk->ik", coefficients, flat**2 / 2.0)
-    square = (bent**2).mean(axis=1)
-    weights = np.bincount(vertices.ravel(), np.repeat(around, 4), cloth.vertices)
-    mean = np.bincount(vertices.ravel(), np.repeat(around * square, 4), cloth.vertices) / np.maximum(weights, 1e-300)
-    gathered = np.maximum(mean[vertices].mean(axis=1), 3.0)
-    stiffness = 3.0 / gathered * _bend_across(cloth.fabric, along) * (area * layers)[owner].sum(axis=1) / around**2
-    kept = stiffness > 0.0
-    return vertices[kept], coefficients[kept], stiffness[kept]
-
-
-def _bend_across(fabric: Fabric, edges: FloatArray) -> FloatArray | float:
-    """Bending moment per width and curvature [N m] of a fabric across edges, vectors in its threads (I, 2)."""
-    if fabric.bend_warp == fabric.bend_weft:
-        return fabric.bend_warp
-    return fabric.bend_along(edges[:, 1] ** 2 / (edges**2).sum(axis=1))
+    warp, weft = cloth.fabric.bend_warp, cloth.fabric.bend_weft
+    vertices, coefficients = curvatures(cloth, edges)
+    stiffness = (area[:, None] * np.array([weft, 2.0 * sqrt(weft * warp), warp])).ravel()
+    coefficients = coefficients.reshape(len(stiffness), -1)
+    # What is left of curvatures that no vertices tell is rounding.
+    size = np.abs(coefficients).sum(axis=1) * np.repeat(area, 3)
+    kept = (stiffness > 0.0) & (size > NOTHING)
+    return np.repeat(vertices, 3, axis=0)[kept], coefficients[kept], stiffness[kept]

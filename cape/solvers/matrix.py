@@ -1,4 +1,4 @@
-"""The matrix of a Newton step, laid out for a cloth: see `cape.kernels.implicit.stiffness`."""
+"""The matrix of an implicit solver's Newton steps, and what the forces of a cloth give to it."""
 
 from typing import Any, NamedTuple
 
@@ -10,7 +10,9 @@ from cape.assembly.multigrid.levels import LinkBlocks
 from cape.cloth.cloth import GridCloth
 from cape.forces.elastic import Links
 from cape.kernels.cloth.grid import GridSprings
-from cape.kernels.cloth.mesh import BLOCK, MeshBends
+from cape.kernels.cloth.membrane import MeshMembrane
+from cape.kernels.cloth.mesh import BLOCK
+from cape.kernels.cloth.mesh_bending import MeshBends
 from cape.kernels.implicit.conjugate_gradients import CHUNK
 from cape.kernels.implicit.stiffness import Matrix
 
@@ -18,11 +20,15 @@ Array = NDArray[np.floating]
 
 
 class Layout(NamedTuple):
-    """Room for what the springs and bend springs give to the matrix: see `GridStiffness` and `MeshStiffness`."""
+    """What springs, or a membrane, and bend springs give to the matrix: see `GridStiffness`, `MeshStiffness`,
+    `MembraneStiffness` and `MeshBendStiffness`. Of a membrane `coefficients` are its tension, `ends` what p changes."""
 
     coefficients: Array
-    couplings: Array | None
-    ends: Array | None
+    couplings: Array | None = None
+    ends: Array | None = None
+    membrane: MeshMembrane | None = None
+    bends: MeshBends | None = None
+    diagonal: Array | None = None
 
 
 def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tuple[Matrix, Layout]:
@@ -40,12 +46,20 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
         return rows
 
     diagonal = np.zeros(count)
-    bends, ends, families = None, None, springs.families
-    coefficients = np.zeros((16, size), dtype)
-    if not isinstance(links.springs, GridSprings):
+    families = springs.families
+    layout = Layout(np.zeros((16, size), dtype))
+    if isinstance(links.springs, MeshMembrane):
+        inner = in_precision(links.springs, dtype)
+        layout = Layout(np.zeros_like(inner.strains), ends=np.zeros_like(inner.shape), membrane=inner)
+    elif not isinstance(links.springs, GridSprings):
         blocks, rows_of_links, lanes = links.springs.second.shape
-        coefficients = np.zeros((blocks, rows_of_links, 4, lanes), dtype)
         ends = np.zeros(links.springs.forces.shape, dtype)
+        layout = Layout(np.zeros((blocks, rows_of_links, 4, lanes), dtype), ends=ends)
+    if isinstance(links.bends, MeshBends):
+        # Rows are zero in sum.
+        row = np.repeat(np.arange(count), np.diff(links.bends.start))
+        sums = np.bincount(row, links.bends.weight, count)
+        layout = layout._replace(bends=in_precision(links.bends, dtype), diagonal=padded(sums))
     if families is not None and links.bends is not None:
         rows, twist = [], families.twist_stiffness
         np.add.at(diagonal, springs.bend_vertices, springs.bend_stiffness[:, None] * springs.bend_coefficients**2)
@@ -55,7 +69,7 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
         ):
             sides = twist + _behind(twist, beside)
             rows += [-2.0 * (stiffness + _behind(stiffness, offset)) - sides, stiffness]
-        bends = padded(np.stack([*rows, twist]))
+        layout = layout._replace(couplings=padded(np.stack([*rows, twist])))
     matrix = Matrix(
         front=front,
         bend_diagonal=padded(diagonal),
@@ -67,26 +81,37 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
         damping=links.damping or 0.0,
         bend_damping=links.bend_damping or 0.0,
     )
-    return matrix, Layout(coefficients, bends, ends)
+    return matrix, layout
 
 
-def link_blocks(matrix: Matrix, layout: Layout, links: Links) -> LinkBlocks:
-    """Where the blocks of the springs are in the matrix of a cloth."""
+def link_blocks(matrix: Matrix, layout: Layout, links: Links) -> LinkBlocks | None:
+    """Where the blocks of the springs are in the matrix of a cloth; None for a membrane, which has none."""
     coefficients = layout.coefficients
+    if isinstance(links.springs, MeshMembrane):
+        return None
     if isinstance(links.springs, GridSprings):
         family, first = np.nonzero(links.springs.stiffness)
         size = coefficients.shape[1]
         place = 4 * family * size + matrix.front + first
-        second = first + links.springs.offsets[family]
-        return LinkBlocks(first, second, place, np.zeros(len(first)), coefficients.reshape(-1), size)
+        return LinkBlocks(first, first + links.springs.offsets[family], place, coefficients.reshape(-1), size)
     springs, rows = links.springs, coefficients.shape[1]
     block, row, lane = np.nonzero(springs.stiffness)
     second = springs.second[block, row, lane].astype(np.int64)
-    bending = np.zeros(len(second))
-    if isinstance(links.bends, MeshBends):
-        bending = links.bends.weight[block, row, lane].astype(float)
     place = (block * rows + row) * 4 * BLOCK + lane
-    return LinkBlocks(block * BLOCK + lane, second, place, bending, coefficients.reshape(-1), BLOCK)
+    return LinkBlocks(block * BLOCK + lane, second, place, coefficients.reshape(-1), BLOCK)
+
+
+def in_precision(record: Any, dtype: type[np.floating]) -> Any:
+    """A record of a mesh in another precision, with room of its own; a word of its room holds two numbers."""
+    word = np.uint64 if np.dtype(dtype) == np.float32 else np.complex128
+
+    def converted(name: str, value: Any) -> Any:
+        if name in ("words", "room"):
+            return np.zeros(value.shape, word)
+        is_real = isinstance(value, np.ndarray) and value.dtype.kind == "f"
+        return value.astype(dtype) if is_real else value
+
+    return type(record)(*(converted(*item) for item in record._asdict().items()))
 
 
 def _behind(values: Array, offset: int) -> Array:

@@ -1,0 +1,1 @@
+"""Any triangle mesh: what it resists with, and how that is laid out for the kernels."""

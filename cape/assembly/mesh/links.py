@@ -1,0 +1,192 @@
+"""From springs and triangles of a mesh to the rows and lists of `cape.kernels.cloth.mesh` and its neighbours.
+
+Bending is linear in the positions and the same wherever the cloth is: of 1/2 k |sum c_a p_a|^2 with zero sum of c the
+force on a is sum_b -k c_a c_b (p_b - p_a), and the sum of all bends a constant matrix.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.membrane import Membrane
+from cape.assembly.springs import Springs
+from cape.cloth.cloth import Cloth
+from cape.kernels.cloth.membrane import SHAPE, MeshMembrane, Tension
+from cape.kernels.cloth.mesh import BLOCK, ENDS, SLICE, MeshAir, MeshSprings
+from cape.kernels.cloth.mesh_bending import SIDE, MeshBends
+from cape.kernels.cloth.sharing import share_items
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class Rows(NamedTuple):
+    """Where items, owned by one of their vertices, stand: `item` (L,) is at `row` of `total` rows, below `owner`."""
+
+    item: IntArray
+    row: IntArray
+    owner: IntArray
+    total: int
+
+
+def mesh_springs_record(springs: Springs, vertices: int, dtype: type[np.floating]) -> MeshSprings:
+    """Lay out the springs of a mesh in a solver's precision."""
+    pairs, rows = _share_out(np.stack([springs.first, springs.second], axis=1), vertices)
+    return MeshSprings(
+        second=_table(rows, pairs[:, 1], np.arange(vertices), np.uint32),
+        stiffness=_table(rows, springs.stiffness, np.zeros(vertices), dtype),
+        rest=_table(rows, springs.rest, np.ones(vertices), dtype),
+        **_lists(rows, pairs[:, 1:], vertices),
+        **_room(rows.total, vertices, 1, dtype),
+    )
+
+
+def mesh_bends_record(springs: Springs, vertices: int, dtype: type[np.floating]) -> MeshBends:
+    """Lay out the bending of a mesh in a solver's precision."""
+    matrix = bend_matrix(springs, vertices)
+    row = np.repeat(np.arange(vertices), np.diff(matrix.indptr))
+    apart = (matrix.indices != row) & (matrix.data != 0.0)
+    row, others, weight = row[apart], matrix.indices[apart], -matrix.data[apart]
+    count = np.bincount(row, minlength=vertices)
+    width = count + count % 2
+    start = np.concatenate([[0], np.cumsum(width)])
+    place = start[row] + np.arange(len(row)) - (np.cumsum(count) - count)[row]
+    table = np.repeat(np.arange(vertices, dtype=np.uint32), width)
+    weights: NDArray[Any] = np.zeros(start[-1], dtype)
+    table[place], weights[place] = others, weight
+    return MeshBends(start, table, weights, np.zeros(SIDE * vertices, dtype))
+
+
+def bend_matrix(springs: Springs, vertices: int) -> Any:
+    """The sum of k c c' of all bend springs [N/m], a scipy.sparse.csr_array (N, N) with sorted rows."""
+    from scipy.sparse import csr_array
+
+    count, members = springs.bend_vertices.shape
+    starts = np.arange(count + 1) * members
+    rooted = np.sqrt(springs.bend_stiffness)[:, None] * springs.bend_coefficients
+    rows = csr_array((rooted.ravel(), springs.bend_vertices.ravel(), starts), (count, vertices))
+    matrix = csr_array(rows.T @ rows)
+    matrix.sort_indices()
+    return matrix
+
+
+def mesh_membrane_record(membrane: Membrane, vertices: int, dtype: type[np.floating]) -> MeshMembrane:
+    """Lay out the membrane of a mesh in a solver's precision."""
+    owned, rows = _share_out(membrane.faces, vertices)
+    # The first corner of each triangle is its owner now: so are its slopes turned.
+    first, second = membrane.slopes[:, 0], membrane.slopes[:, 1]
+    by_corner = np.stack([-first - second, first, second], axis=1)
+    place = np.argmax(membrane.faces == owned[:, :1], axis=1)
+    others = [by_corner[np.arange(len(owned)), (place + step) % 3] for step in (1, 2)]
+    standing = np.zeros(len(owned), dtype=np.int64)
+    standing[rows.item] = _places(rows, 1)
+    smoothing = membrane.area[:, None] * np.concatenate([membrane.own[:, None], membrane.share], axis=1)
+    itself, none, c = np.arange(vertices), np.zeros(vertices), membrane.stiffness
+    blocks = -(-vertices // BLOCK)
+
+    def tables(values: NDArray[Any], blank: NDArray[Any], kind: type[np.generic]) -> NDArray[Any]:
+        return np.ascontiguousarray(np.stack([_table(rows, column, blank, kind) for column in values.T], axis=2))
+
+    kept: dict[str, Any] = _room(rows.total, vertices, 2, dtype)
+    kept["forces"] = np.zeros((2 * blocks * rows.total + 1) * ENDS, dtype)
+    return MeshMembrane(
+        tension=Tension(float(c[0, 0]), float(c[1, 1]), float(c[0, 1]), float(c[2, 2])),
+        second=_table(rows, owned[:, 1], itself, np.uint32),
+        third=_table(rows, owned[:, 2], itself, np.uint32),
+        slopes=tables(np.concatenate(others, axis=1), none, dtype),
+        neighbours=tables(standing[membrane.neighbours], none, np.uint32),
+        smoothing=tables(smoothing, none, dtype),
+        shape=np.zeros(blocks * rows.total * SHAPE, dtype),
+        strains=np.zeros(blocks * rows.total * ENDS, dtype),
+        **_lists(rows, owned[:, 1:], vertices, apart=True),
+        **kept,
+    )
+
+
+def mesh_air_record(cloth: Cloth, wind: FloatArray, drag: float, lift: float, dtype: type[np.floating]) -> MeshAir:
+    """Lay out the triangles of a mesh in a solver's precision; `wind` [m/s] is kept, to be changed from outside.
+
+    `drag` and `lift` are rho Cd / 12 and rho Cl / 12 [kg/m3].
+    """
+    n, triangles = cloth.vertices, cloth.triangles.astype(np.int64)
+    owned, rows = _share_out(triangles, n)
+    itself = np.arange(n)
+    return MeshAir(
+        wind=wind,
+        drag=drag,
+        lift=lift,
+        second=_table(rows, owned[:, 1], itself, np.uint32),
+        third=_table(rows, owned[:, 2], itself, np.uint32),
+        **_lists(rows, owned[:, 1:], n),
+        **_room(rows.total, n, 2, dtype),
+    )
+
+
+def _room(rows: int, vertices: int, ends: int, dtype: type[np.floating]) -> dict[str, Any]:
+    """Room of the kernels: a word holds two numbers; a line of `room` so many rows of other ends, own ends and sums."""
+    word, blocks = np.uint64 if np.dtype(dtype) == np.float32 else np.complex128, -(-vertices // BLOCK)
+    return {
+        "words": np.zeros((3, vertices), word),
+        "room": np.zeros((blocks, ends * ENDS + ENDS + ENDS // 2), word),
+        "forces": np.zeros((blocks * rows + 1) * 3 * BLOCK, dtype),
+    }
+
+
+def _share_out(items: IntArray, vertices: int) -> tuple[IntArray, Rows]:
+    """Give each item (L, m) to one of its m vertices so that all own about as many.
+
+    Returns the items with their owner first, shape (L, m), and where they stand.
+    """
+    depth = int(np.bincount(items.ravel(), minlength=vertices).max())
+    owned, count = np.full((vertices, depth), len(items), dtype=np.int64), np.zeros(vertices, dtype=np.int64)
+    share_items(items, owned, count, *(np.zeros(vertices, dtype=np.int64) for _ in range(4)))
+    owned[np.arange(depth) >= count[:, None]] = len(items)
+    owned.sort(axis=1)
+    owner, row = np.nonzero(owned < len(items))
+    item = owned[owner, row]
+    place = np.argmax(items[item] == owner[:, None], axis=1)
+    turned = items.copy()
+    turned[item] = np.take_along_axis(
+        items[item], (place[:, None] + np.arange(items.shape[1])) % items.shape[1], axis=1
+    )
+    return turned, Rows(item, row, owner, int(row.max()) + 1)
+
+
+def _table(rows: Rows, values: NDArray[Any], blank: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
+    """Values of items (L,) in rows by block (blocks, D, BLOCK), over what vertices without item hold (N,)."""
+    blocks = -(-len(blank) // BLOCK)
+    padded = np.pad(blank, (0, blocks * BLOCK - len(blank))).reshape(blocks, 1, BLOCK)
+    table = np.repeat(padded, rows.total, axis=1).astype(dtype)
+    table[rows.owner // BLOCK, rows.row, rows.owner % BLOCK] = values[rows.item]
+    return table
+
+
+def _places(rows: Rows, kept: int) -> IntArray:
+    """Where what items keep begins, `kept` vectors each: in the order of the items that `rows` has."""
+    return (rows.owner // BLOCK * rows.total + rows.row) * kept * ENDS + rows.owner % BLOCK
+
+
+def _lists(rows: Rows, others: IntArray, vertices: int, *, apart: bool = False) -> dict[str, Any]:
+    """For each vertex the places of items that others own, `others` (L, m - 1) being those who do not.
+
+    An item keeps the same for all of these, or something for each where they are taken `apart`. Vertices are sorted
+    within their blocks by the length of their lists, so that little is padded.
+    """
+    kept = others.shape[1] if apart else 1
+    place = (
+        _places(rows, kept)[:, None] + (np.arange(others.shape[1]) if apart else np.zeros(others.shape[1], int)) * ENDS
+    )
+    place, vertex = place.ravel(), others[rows.item].ravel()
+    order = np.lexsort((place, vertex))
+    place, vertex = place[order], vertex[order]
+    count = np.bincount(vertex, minlength=vertices)
+    sorted_vertices = np.lexsort((count, np.arange(vertices) // BLOCK))
+    slices, blocks = -(-vertices // SLICE), -(-vertices // BLOCK)
+    width = np.pad(count[sorted_vertices], (0, slices * SLICE - vertices)).reshape(slices, SLICE).max(axis=1)
+    start = np.concatenate([[0], np.cumsum(width * SLICE)])
+    incoming = np.full(start[-1], blocks * rows.total * kept * ENDS, np.uint32)
+    nth = np.arange(len(vertex)) - (np.cumsum(count) - count)[vertex]
+    at = np.argsort(sorted_vertices)[vertex]
+    incoming[start[at // SLICE] + at % SLICE * width[at // SLICE] + nth] = place
+    return {"sorted_vertices": sorted_vertices.astype(np.uint32), "start": start, "incoming": incoming}

@@ -1,0 +1,61 @@
+"""What a garment is: a way to cut cloth to a body, and to hold it there."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.cloth.cloth import Cloth
+from cape.cloth.fabric import Fabric
+from cape.garments.fitting import Fitted
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measures:
+    """What may be asked of any garment; None for the garment's own.
+
+    Attributes:
+        length: from where it is held to the hem [m].
+        flare: length of the hem divided by that around the neckline, or around the shoulders where it lies on them.
+        spacing: mean distance of neighbouring vertices [m].
+        fabric: what it is made of.
+    """
+
+    length: float | None = None
+    flare: float | None = None
+    spacing: float | None = None
+    fabric: Fabric | None = None
+
+
+class Hold(NamedTuple):
+    """A bone, by its role, that holds a region of a garment: at points in its frame [m] (n, 3), None for where it is
+    put on."""
+
+    bone: str
+    region: str
+    points: NDArray[np.float64] | None = None
+
+
+class Worn(NamedTuple):
+    """A garment cut for a body: its cloth, what holds it, and whether it is put on with arms lowered."""
+
+    cloth: Cloth
+    holds: tuple[Hold, ...]
+    arms_lowered: bool
+
+
+@dataclass(frozen=True)
+class Garment:
+    """A kind of garment.
+
+    Attributes:
+        name: as it is asked for.
+        title: what it is, in a line.
+        fit: cuts it for a body.
+    """
+
+    name: str
+    title: str
+    fit: Callable[[Fitted, Measures], Worn]

@@ -1,0 +1,144 @@
+"""A body that a garment is fitted to: its surface in the wearer's frame, arms lowered, and where a collar lies."""
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motions import quaternions
+from motions.errors import ValueRangeError
+from skeleton.lowered_arms import lower_arms
+from skeleton.rest import RestPose
+from skeleton.shapes import Shape
+from skeleton.solid_measures import signed_distance
+
+if TYPE_CHECKING:
+    from skeleton.model import Skeleton
+
+FloatArray = NDArray[np.float64]
+
+FINE = 0.002  # m between heights and widths that are tried
+HIGHEST, LOWEST = 0.09, -0.04  # of the body's height above the shoulder joints: where a collar may lie
+WIDEST = 0.12  # of the body's height: radius of a collar, at most
+NARROWEST = 0.03  # the same, at least
+BROADEST = 0.35  # the same of a ring around the shoulders, at most
+UPPER_ARM = 0.15  # of the body's height: how far below the shoulder joints such a ring must be clear
+AROUND = 96  # directions in which a collar is fitted
+SMOOTH = np.radians(14.0)  # over which a collar's height is evened out
+
+
+class Fitted:
+    """A body in the wearer's frame: origin between its shoulder joints, x forward, y left, z up.
+
+    Attributes:
+        height: of the body [m].
+        shoulder_width: distance of its shoulder joints [m].
+    """
+
+    def __init__(self, body: "Skeleton", colliders: Sequence[Shape]) -> None:
+        """Measure the body; its surface is looked at when a garment needs it.
+
+        Raises:
+            UnknownNameError: the body lacks a leg's or an arm's role.
+        """
+        self.height, self.shoulder_width = body.height(), body.shoulder_width()
+        self._body, self._solids = body, [(c, c.bone) for c in colliders if c.bone is not None]
+
+    @cached_property
+    def _rest(self) -> RestPose:
+        return lower_arms(self._body.rest)
+
+    @cached_property
+    def _axes(self) -> FloatArray:
+        return np.stack([self._rest.forward, self._rest.left, self._rest.up], axis=1)
+
+    @cached_property
+    def _origin(self) -> FloatArray:
+        return self._rest.middle("upper_arm")
+
+    def _index(self, bone: str) -> int:
+        return self._rest.bones.index(self._rest.roles.get(bone, bone))
+
+    @property
+    def neck(self) -> FloatArray:
+        """Where the neck leaves the trunk, as seen from above: x and y [m], shape (2,)."""
+        if "neck" not in self._rest.roles:
+            return np.zeros(2)
+        forward = (self._rest.origin("neck") - self._origin) @ self._axes[:, 0]
+        return np.array([forward, 0.0])
+
+    def pose(self, bones: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Origins [m] (n, 3) and rotations bone_to_wearer wxyz (n, 4) of bones by name or role."""
+        chosen = [self._index(bone) for bone in bones]
+        to_wearer = quaternions.conjugate(quaternions.from_matrix(self._axes))
+        return (
+            (self._rest.positions[chosen] - self._origin) @ self._axes,
+            quaternions.multiply(to_wearer, self._rest.rotations_wxyz[chosen]),
+        )
+
+    def into_bone(self, bone: str, points: FloatArray) -> FloatArray:
+        """Points of the wearer's frame [m], shape (n, 3), in a bone's."""
+        origins, rotations = self.pose([bone])
+        return quaternions.rotate(quaternions.conjugate(rotations[0]), points - origins[0])
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """How far points of the wearer's frame [m], shape (..., 3), are from the nearest collider [m]."""
+        places = points.reshape(-1, 3) @ self._axes.T + self._origin
+        least = np.full(len(places), np.inf)
+        for collider, name in self._solids:
+            bone = self._index(name)
+            turn = quaternions.conjugate(self._rest.rotations_wxyz[bone])
+            in_bone = quaternions.rotate(turn, places - self._rest.positions[bone])
+            least = np.minimum(least, signed_distance(collider, in_bone))
+        return least.reshape(points.shape[:-1])
+
+    def collar(self, clearance: float) -> tuple[float, float]:
+        """Radius and height above the shoulder joints [m] of the narrowest ring around the neck that is clear of it.
+
+        Raises:
+            ValueRangeError: what surrounds the neck is too thick.
+        """
+        angles = np.linspace(-np.pi, np.pi, AROUND, endpoint=False)
+        heights = np.arange(0.0, HIGHEST, FINE / self.height) * self.height
+        for radius in np.arange(NARROWEST * self.height, WIDEST * self.height, FINE):
+            clear = (self._off_rings(np.full(AROUND, radius), angles, heights) >= clearance).all(axis=0)
+            if clear.any():
+                return float(radius), float(heights[np.argmax(clear)])
+        raise ValueRangeError(f"no collar of less than {WIDEST * self.height:.2f} m clears the neck")
+
+    def girth(self, clearance: float) -> float:
+        """Radius of the narrowest ring around the neck that could slip down over the shoulders and upper arms [m].
+
+        Raises:
+            ValueRangeError: the arms stand too far off.
+        """
+        angles = np.linspace(-np.pi, np.pi, AROUND, endpoint=False)
+        heights = np.linspace(-UPPER_ARM * self.height, 0.0, 24)
+        for radius in np.arange(WIDEST * self.height, BROADEST * self.height, FINE):
+            if (self._off_rings(np.full(AROUND, radius), angles, heights) >= clearance).all():
+                return float(radius)
+        raise ValueRangeError(f"no ring of less than {BROADEST * self.height:.2f} m slips over the shoulders")
+
+    def lie_on(self, radius: float, angles: FloatArray, clearance: float, start: FloatArray) -> FloatArray:
+        """Heights at which a ring around the neck lies that is let down onto the body [m], shape (n,).
+
+        Args:
+            radius: of the ring [m].
+            angles: from the middle of the back to the left [rad], shape (n,).
+            clearance: least distance from all colliders [m].
+            start: where it is let down from [m], shape (n,); where it is not clear there, from the next place above.
+        """
+        heights = np.arange(LOWEST, HIGHEST, FINE / self.height) * self.height
+        free = self._off_rings(np.full(len(angles), radius), angles, heights) >= clearance
+        above = heights >= start[:, None] - FINE
+        first = np.argmax(free & above, axis=1)
+        blocked = ~free & (np.arange(len(heights)) < first[:, None])
+        lowest = np.where(blocked, np.arange(len(heights)) + 1, 0).max(axis=1)
+        return np.where((free & above).any(axis=1), heights[lowest], HIGHEST * self.height)
+
+    def _off_rings(self, radii: FloatArray, angles: FloatArray, heights: FloatArray) -> FloatArray:
+        """Distance from the nearest collider around the neck [m], at n angles and m heights, shape (n, m)."""
+        x, y = self.neck[0] - radii * np.cos(angles), radii * np.sin(angles)
+        return self.distances(np.stack(np.broadcast_arrays(x[:, None], y[:, None], heights), axis=-1))

@@ -1,0 +1,1 @@
+"""Textile tests on the simulated cloth, each held against a closed form, an ODE or a measurement."""

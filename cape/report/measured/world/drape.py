@@ -1,0 +1,167 @@
+"""The drape test of Cusick (BS 5058): a disc of cloth lies on a smaller one, and its shadow from above is measured.
+
+The drape coefficient is the share of the free ring that is left in the shadow: 1 for a board, 0 for cloth that hangs
+straight down. The cloth is flat where the discs hold it, and falls from there, set out with a little noise.
+"""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.cloth.cloth import Cloth
+from cape.cloth.fabric import Fabric
+from cape.cloth.fabrics import FABRICS, MEASUREMENTS
+from cape.cloth.fabrics import fabric as fabric_named
+from cape.cloth.measurement import bending_lengths
+from cape.report.measured.world import triangulations
+from cape.report.measured.world.rest import HAND, relax, started
+from cape.report.measured.world.rows import Row, mean, scatter
+from cape.run.simulation import Diverged
+from cape.scene.attachments import attach
+from cape.scene.scene import Scene
+from cape.solvers.threads import available_cores
+
+FloatArray = NDArray[np.float64]
+
+TEST = "drape"
+DISC, PEDESTAL = 0.15, 0.09  # m, radii of cloth and support
+SPACING, FINER = 0.0075, 0.0055  # m, of all drapes, and of some to tell what the spacing is worth
+NOISE = 1e-4  # m, standard deviation of the heights from which a cloth sets out
+FALLS = 600  # steps at most, 3 s
+WITHIN = 1e-5  # m, of steps as well
+DIRECTIONS = 720  # in which the shadow's radius is measured
+DEEP = 0.05  # of the free ring's width, by which a fold stands out at least
+ALLOWED = 5.0  # points
+AGREE, AGREE_FOLDS = 2.0, 1.0  # points, folds: between triangulations
+STARTS = 10
+SINGLE = "random"  # the triangulation of tests on one alone
+APART = "apart"  # how far triangulations lie from each other
+NOT_MEASURED = "no measured drape of this fabric is known: its source gives none"
+GEOMETRY = "; the disc sizes are not in the transcription, and are taken as Cusick's"
+
+
+@dataclass(frozen=True)
+class Draped:
+    """A draped cloth.
+
+    Attributes:
+        coefficient: share of the free ring in the shadow [%].
+        folds: how many.
+        rested: whether it came to rest.
+    """
+
+    coefficient: float
+    folds: int
+    rested: bool
+
+
+def measure(name: str, kind: str, starts: int, *, spacing: float = SPACING) -> list[Row]:
+    """Drape a fabric on a triangulation from several starts: its coefficient [%] and folds, the means."""
+    fabric = fabric_named(name)
+    variant = kind if spacing == SPACING else f"{kind}, {1e3 * spacing:g} mm"
+    result, found = "finished", []
+    try:
+        found = [drape(fabric, kind, 0, spacing=spacing)]  # compiles what all need
+        with ThreadPoolExecutor(available_cores()) as pool:
+            found += pool.map(lambda seed: drape(fabric, kind, seed, spacing=spacing), range(1, starts))
+        if not all(draped.rested for draped in found):
+            result = f"{sum(not draped.rested for draped in found)} of {starts} do not come to rest"
+    except Diverged as error:
+        result = f"diverged: {error}"
+    measurement = MEASUREMENTS.get(name)
+    expected = math.nan if measurement is None or measurement.drape is None else 100.0 * measurement.drape
+    folds = math.nan if measurement is None or measurement.folds is None else float(measurement.folds)
+    source = NOT_MEASURED if measurement is None or math.isnan(expected) else str(measurement.source) + GEOMETRY
+    return [
+        Row(
+            test=TEST, subject=name, variant=variant, quantity=quantity, unit=unit, simulated=mean(values),
+            scatter=scatter(values), starts=starts, expected=wanted, allowed=allowed, result=result, source=source,
+        )
+        for quantity, unit, values, wanted, allowed in (
+            ("drape coefficient", "%", [draped.coefficient for draped in found], expected, ALLOWED),
+            ("folds", "", [float(draped.folds) for draped in found], folds, math.nan),
+        )
+    ]  # fmt: skip
+
+
+def agreement(rows: list[Row]) -> list[Row]:
+    """How far the means of a fabric's drapes on all triangulations lie apart."""
+    result = []
+    for name in dict.fromkeys(row.subject for row in rows):
+        for quantity, allowed in (("drape coefficient", AGREE), ("folds", AGREE_FOLDS)):
+            mine = [
+                row
+                for row in rows
+                if row.subject == name and row.quantity == quantity and row.variant in triangulations.DISC_KINDS
+            ]
+            if len(mine) < len(triangulations.DISC_KINDS):
+                continue
+            values = [row.simulated for row in mine]
+            broken = [row.result for row in mine if row.result != "finished"]
+            result.append(
+                Row(
+                    test=TEST, subject=name, variant=APART, quantity=quantity, unit=mine[0].unit,
+                    simulated=max(values) - min(values), starts=sum(row.starts for row in mine), expected=0.0,
+                    allowed=allowed, result=broken[0] if broken else "finished",
+                    source="a fabric's drape does not depend on its triangulation",
+                )
+            )  # fmt: skip
+    return result
+
+
+def softest_and_stiffest() -> tuple[str, str]:
+    """The fabrics of the shortest and the longest bending length, by the geometric mean of warp and weft."""
+    order = sorted(FABRICS, key=lambda name: math.prod(bending_lengths(FABRICS[name])))
+    return order[0], order[-1]
+
+
+def drape(fabric: Fabric, kind: str, seed: int, *, spacing: float = SPACING) -> Draped:
+    """Let a ring of cloth fall, on a kind of triangulation, from one start, which the seed chooses."""
+    piece = triangulations.ring(kind, PEDESTAL, DISC, spacing)
+    held = triangulations.held_by_ring(piece, PEDESTAL, spacing)
+    heights = np.random.default_rng(seed).normal(0.0, NOISE, len(piece.points))
+    heights[held] = 0.0
+    places = np.column_stack([piece.points, heights])
+    cloth = Cloth.from_mesh(places, piece.triangles, pattern=piece.points, fabric=fabric)
+    simulation = started(Scene(cloth, [attach(cloth, HAND, held)]), tolerance=WITHIN)
+    rested = relax(simulation, falls=FALLS, within=WITHIN)
+    radii = shadow(simulation.positions, piece.triangles)
+    return Draped(100.0 * coefficient(radii), folds(radii), rested)
+
+
+def coefficient(radii: FloatArray) -> float:
+    """Drape coefficient, as a share, of a shadow with these radii in evenly spaced directions [m]."""
+    return float((np.mean(radii**2) - PEDESTAL**2) / (DISC**2 - PEDESTAL**2))
+
+
+def shadow(places: FloatArray, triangles: NDArray[np.integer]) -> FloatArray:
+    """Radii of the shadow that triangles cast straight down [m], in `DIRECTIONS` around the world's Z, from X on.
+
+    It is where each ray last leaves an edge: a bay under an overhanging fold counts as shadow.
+
+    Args:
+        places: of the vertices [m], shape (V, 3).
+        triangles: their vertices, shape (T, 3).
+    """
+    ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    first, second = (places[column, :2] for column in np.unique(ends, axis=0).T)
+    angle = 2.0 * math.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    ray, beside = np.column_stack([np.cos(angle), np.sin(angle)]), np.column_stack([-np.sin(angle), np.cos(angle)])
+    off_first, off_second = beside @ first.T, beside @ second.T
+    crossed = (off_first * off_second <= 0.0) & (off_first != off_second)
+    share = off_first / np.where(crossed, off_first - off_second, 1.0)
+    reached = ray @ first.T * (1.0 - share) + ray @ second.T * share
+    return np.where(crossed, reached, 0.0).max(axis=1)
+
+
+def folds(radii: FloatArray) -> int:
+    """Number of folds: how often around the radius rises by `DEEP` of the free ring's width and falls again."""
+    from scipy.signal import find_peaks
+
+    # Begun at its lowest, no fold is cut in two by the ends.
+    around = np.roll(radii, -int(np.argmin(radii)))
+    peaks, _ = find_peaks(np.append(around, around[0]), prominence=DEEP * (DISC - PEDESTAL))
+    return len(peaks)

@@ -1,0 +1,87 @@
+"""Frames of a simulation that are taken before they are handed on, so that they can be taken again."""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cape.run.hanging import Frame
+from cape.run.simulation import Snapshot
+from cape.scene.poses import Pose
+from cape.solvers import Solver
+from motions import quaternions
+
+
+class Coming(NamedTuple):
+    """A frame to come: where the bones will be, and its length [s]."""
+
+    pose: Pose
+    dt: float
+
+
+class Part(NamedTuple):
+    """A part of the motion that a run has taken: where it began, and each frame with the number of its steps."""
+
+    start: Snapshot
+    frames: list[tuple[Coming, int]]
+
+    @property
+    def seconds(self) -> float:
+        """How long it is [s]."""
+        return sum(coming.dt for coming, _ in self.frames)
+
+
+class Taken(NamedTuple):
+    """A frame that has been taken: what the cloth goes on from, and what the simulation says of itself then."""
+
+    frame: Frame
+    solver: Solver
+    counts: tuple[int, ...]
+
+
+class Ahead:
+    """The frames that are to come, and those of them that have been taken already.
+
+    Attributes:
+        taken: in their order, until each is handed on.
+    """
+
+    def __init__(self, coming: Sequence[Coming]) -> None:
+        """Hold what is to come."""
+        self.taken: deque[Taken] = deque()
+        self._coming = coming
+        self._next = 0  # that is asked for
+
+    def is_next(self, pose: Pose, dt: float) -> bool:
+        """Tell whether a frame is the one that was to come next."""
+        if self._next >= len(self._coming):
+            return False
+        told = self._coming[self._next]
+        return dt == told.dt and all(np.array_equal(a, b) for a, b in zip(pose, told.pose, strict=True))
+
+    def part(self, seconds: float) -> list[Coming]:
+        """The frames from the next one on that last so long [s], and one at least; all, where less would be left."""
+        frames, span = [], 0.0
+        for coming in self._coming[self._next :]:
+            if frames and span > seconds - 1e-9:
+                break
+            frames.append(coming)
+            span += coming.dt
+        return frames
+
+    def hand_on(self) -> Taken:
+        """The next frame that was taken."""
+        self._next += 1
+        return self.taken.popleft()
+
+
+def onwards(before: Pose, now: Pose, count: int) -> list[Pose]:
+    """So many poses of bones that move and turn on as they did from one pose to the next, which is the first."""
+    way = now.positions - before.positions
+    turn = quaternions.multiply(now.rotations_wxyz, quaternions.conjugate(before.rotations_wxyz))
+    poses = [now]
+    for _ in range(count - 1):
+        last = poses[-1]
+        poses.append(Pose(last.positions + way, quaternions.multiply(turn, last.rotations_wxyz)))
+    return poses

@@ -1,0 +1,1 @@
+"""Whether errors are told as they are, and kept to what was asked for."""

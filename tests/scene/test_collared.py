@@ -1,0 +1,149 @@
+"""Garments that lie on the shoulders: cut to a body, without tension as they are put on, and what they cover."""
+
+import numpy as np
+import pytest
+
+import cape
+import motions
+from cape.assembly.springs import springs_of
+from cape.cloth.cloth import GridCloth
+from cape.garments.fitting import Fitted
+from cape.garments.registry import GARMENTS
+from motions import quaternions
+from motions.errors import UnknownNameError, ValueRangeError
+from skeleton import Skeleton
+from skeleton.lowered_arms import AWAY, lower_arms
+from skeleton.solid_measures import signed_distance
+
+COLLARED = ["shoulder_cape", "cloak", "half_cape"]
+
+
+@pytest.fixture(scope="module")
+def walker():
+    clip = motions.load("walk").trim(0.0, 0.3)
+    body = Skeleton.from_clip(clip)
+    return body, body.track(clip)
+
+
+def test_a_darted_grid_has_the_springs_and_the_mass_of_its_shape_at_the_start():
+    flat = cape.Cloth.rectangle(width=0.4, height=0.3, spacing=0.05)
+    assert isinstance(flat, GridCloth)
+    # The same rectangle rolled onto a cylinder: as it is finer, its chords come near the flat one's lengths.
+    angles = flat.pattern[:, 0] / 0.5
+    rolled = np.stack([0.5 * np.sin(angles), 0.5 * np.cos(angles), -flat.pattern[:, 1]], axis=1)
+    darted = GridCloth(rows=flat.rows, columns=flat.columns, pattern=2.0 * flat.pattern, positions=rolled, darted=True)
+    chord = 2.0 * 0.5 * np.sin(0.05 / 0.5 / 2.0) / 0.05
+    springs = springs_of(darted)
+    ends = rolled[springs.second] - rolled[springs.first]
+    np.testing.assert_allclose(springs.rest, np.linalg.norm(ends, axis=1), rtol=1e-12)
+    assert darted.masses().sum() == pytest.approx(chord * 0.4 * 0.3 * darted.fabric.density, rel=1e-12)
+    # Whatever the pattern says: it is twice as large.
+    np.testing.assert_allclose(darted.masses(), chord * flat.masses(), rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", COLLARED)
+def test_a_garment_starts_clear_of_the_body_and_without_tension(walker, name: str):
+    body, track = walker
+    scene = cape.dress(body, track, garment=name)
+    assert scene.dressing is not None
+    springs = springs_of(scene.cloth)
+    ends = scene.cloth.positions[springs.second] - scene.cloth.positions[springs.first]
+    np.testing.assert_allclose(springs.rest, np.linalg.norm(ends, axis=1), rtol=1e-9)
+    for collider in scene.colliders:
+        if collider.bone is None:
+            continue
+        bone = scene.bones.index(collider.bone)
+        turn = quaternions.conjugate(scene.dressing.rotations_wxyz[bone])
+        in_bone = quaternions.rotate(turn, scene.cloth.positions - scene.dressing.positions[bone])
+        assert signed_distance(collider, in_bone).min() > scene.thickness, collider.name
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_arms_hang_beside_the_trunk_and_keep_their_shape(walker, side: str):
+    rest, lowered = walker[0].rest, lower_arms(walker[0].rest)
+    start, elbow, hand = (rest.bone(f"{side}_{limb}") for limb in ("upper_arm", "forearm", "hand"))
+    across = rest.left if side == "left" else -rest.left
+    expected = np.sin(AWAY) * across - np.cos(AWAY) * rest.up
+    for first, second in ((start, elbow), (elbow, hand)):
+        way = lowered.positions[second] - lowered.positions[first]
+        np.testing.assert_allclose(way / np.linalg.norm(way), expected, atol=1e-9)
+    for before, after in ((start, elbow), (elbow, hand), (hand, elbow)):
+        seen = [
+            quaternions.rotate(
+                quaternions.conjugate(r.rotations_wxyz[before]), r.positions[after] - r.positions[before]
+            )
+            for r in (rest, lowered)
+        ]
+        np.testing.assert_allclose(seen[0], seen[1], atol=1e-9)
+    still = [rest.bone(role) for role in ("pelvis", "head", f"{side}_foot")]
+    np.testing.assert_array_equal(lowered.positions[still], rest.positions[still])
+
+
+def test_a_ring_is_let_down_onto_a_ball(walker):
+    body, _ = walker
+    ball = cape.Sphere(name="ball", bone="chest", radius=0.2)
+    fitted = Fitted(body, [ball])
+    origin = fitted.pose(["chest"])[0][0]
+    angles, radius = np.linspace(-np.pi, np.pi, 40, endpoint=False), 0.05
+    around = np.stack([fitted.neck[0] - radius * np.cos(angles), radius * np.sin(angles)], axis=1) - origin[:2]
+    top = origin[2] + np.sqrt(0.21**2 - np.sum(around**2, axis=1))
+    found = fitted.lie_on(radius, angles, 0.01, np.full(40, top.max() + 0.02))
+    # Heights are tried 2 mm apart, and the lowest clear one is taken.
+    assert ((found >= top - 1e-12) & (found < top + 0.002 + 1e-12)).all()
+
+
+@pytest.mark.parametrize("name", COLLARED)
+def test_it_follows_the_body_from_the_pose_in_which_it_is_put_on_to_the_first(walker, name: str):
+    body, track = walker
+    scene = cape.dress(body, track, garment=name, spacing=0.06)
+    simulation = cape.Simulation(scene)
+    places = {bone: track.index(bone) for bone in simulation.bones}
+    pose = {bone: (track.positions[0, k], track.rotations_wxyz[0, k]) for bone, k in places.items()}
+    simulation.start(pose)
+    held = scene.attachments[0]
+    assert held.points is not None
+    chest = track.index("chest")
+    expected = track.positions[0, chest] + quaternions.rotate(track.rotations_wxyz[0, chest], held.points)
+    np.testing.assert_allclose(simulation.positions[held.vertices], expected, atol=2e-3)
+    assert np.isfinite(simulation.positions).all()
+
+
+@pytest.mark.parametrize("name", ["shoulder_cape", "cloak"])
+def test_both_shoulders_are_covered_and_the_chest_is_not(walker, name: str):
+    """A ray up the trunk from each shoulder joint meets the cloth; one forwards from the breastbone meets none."""
+    body, track = walker
+    scene = cape.dress(body, track, garment=name)
+    take = cape.simulate(scene, track)
+    corners = take.positions[-1].astype(float)[scene.cloth.triangles]
+    left, right = (track.positions[-1, track.index(f"{side}_upper_arm")] for side in ("left", "right"))
+    up = (left + right) / 2.0 - track.positions[-1, track.index("pelvis")]
+    up /= np.linalg.norm(up)
+    for joint in (left, right):
+        assert (distances_along(joint, up, corners) < 0.06 + 0.06).any()
+    forward = np.cross(left - right, up)
+    sternum = (left + right) / 2.0 - 0.15 * up
+    assert not np.isfinite(distances_along(sternum, forward / np.linalg.norm(forward), corners)).any()
+
+
+def distances_along(origin: np.ndarray, direction: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Where a ray meets each of triangles (T, 3, 3) [m], infinite where it misses (Moeller and Trumbore 1997)."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    p = np.cross(direction, b)
+    size = np.sum(a * p, axis=1)
+    t = origin - corners[:, 0]
+    q = np.cross(t, a)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v, way = np.sum(t * p, axis=1) / size, q @ direction / size, np.sum(q * b, axis=1) / size
+        hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (way > 0)
+    return np.where(hit, way, np.inf)
+
+
+def test_what_cannot_be_cut_is_told(walker):
+    body, track = walker
+    with pytest.raises(UnknownNameError, match="shoulder_cape"):
+        cape.dress(body, track, garment="toga")
+    with pytest.raises(ValueRangeError, match="ends on the shoulders"):
+        cape.dress(body, track, garment="cloak", length=0.1)
+    with pytest.raises(ValueRangeError, match="flare"):
+        cape.dress(body, track, garment="cloak", flare=-1.0)
+    assert set(COLLARED) < set(GARMENTS)

@@ -1,0 +1,1 @@
+"""Textile tests of the report: their machinery against closed forms."""
