@@ -8,7 +8,7 @@ from cape.kernels import bones
 from cape.kernels.bones import Motion, MotionRoom
 from cape.kernels.implicit import conjugate_gradients, stages
 from motions import quaternions
-from tests.support.linear import LAYOUTS, B, Linear
+from tests.solvers.linear import LAYOUTS, B, Linear
 
 
 @pytest.fixture

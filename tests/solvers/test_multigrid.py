@@ -14,7 +14,7 @@ from cape.kernels.implicit.multigrid import DAMPING
 from cape.scene.attachments import Attachment
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2, BackwardEuler
-from tests.support.linear import FABRIC, B, Linear
+from tests.solvers.linear import FABRIC, B, Linear
 from tests.support.scenes import Run, grid_cloth, mesh_cloth
 
 ROWS, COLUMNS = 25, 16
