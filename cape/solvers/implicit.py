@@ -250,7 +250,7 @@ class ImplicitSolver(Solver):
             system=system,
             evaluate=linker.program([Use(evaluate, system)]),
             aim=linker.program([Use(aim_newton_step, system)]),
-            again=linker.program([Use(aim_again, system)]),
+            again=linker.program([Use(aim_again, system)] if system.settings.closely else []),
             pressing=np.zeros((3, 0), arrays.work.forces.dtype) if contact is None else contact.penalty.force,
         )
 
