@@ -298,6 +298,11 @@ class ImplicitSolver(Solver):
             sheet = MembraneStiffness(still, layout.membrane, arrays.matrix, layout.coefficients, layout.ends)
             first, last = Use(linearise_membrane, sheet), Use(add_membrane_diagonal, sheet)
             product = Use(multiply_membrane, sheet)
+            if arrays.levels is not None:
+                assert layout.nearest is not None
+                assert layout.linked is not None
+                stand = MeshStiffness(running.state, layout.nearest, arrays.matrix, layout.linked, layout.ends)
+                own.append(Use(linearise_mesh, stand))
         else:
             assert layout.ends is not None
             mesh = MeshStiffness(running.state, links.springs, arrays.matrix, layout.coefficients, layout.ends)

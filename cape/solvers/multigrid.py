@@ -38,14 +38,12 @@ class Levels(NamedTuple):
 
 
 def levels_of(
-    assembly: Assembly, matrix: Matrix, links: LinkBlocks | None, terms: NDArray[np.floating]
+    assembly: Assembly, matrix: Matrix, links: LinkBlocks, terms: NDArray[np.floating]
 ) -> Levels | None:
-    """The levels above a cloth, None for one of few vertices, or without links.
+    """The levels above a cloth, None for one of few vertices.
 
     `terms` (L,) is room for those of a dot product.
     """
-    if links is None:
-        return None
     cloth = assembly.cloth
     columns = cloth.columns if isinstance(cloth, GridCloth) else None
     levels, between = lay_out_levels(

@@ -48,9 +48,9 @@ def mesh_springs(cloth: MeshCloth) -> Springs:
     layers = np.ones(len(cloth.faces)) if cloth.layers is None else cloth.layers
     area = areas(cloth.corners) * layers
     edge_stiffness, cross_stiffness, edge_length, cross_length, missed = _in_plane(cloth, edges, area)
-    membrane = None
+    membrane, nearest = None, None
     if missed > MISSED:
-        membrane = membrane_of(cloth, edges)
+        membrane, nearest = membrane_of(cloth, edges), edge_stiffness
         edge_stiffness, cross_stiffness = np.zeros_like(edge_stiffness), np.zeros_like(cross_stiffness)
     opposite = cloth.faces.ravel()[_corner(edges.sides, 2)]
     kept = cross_stiffness > 0.0
@@ -70,6 +70,7 @@ def mesh_springs(cloth: MeshCloth) -> Springs:
         bend_coefficients=bend_coefficients,
         bend_stiffness=bend_stiffness,
         membrane=membrane,
+        nearest=None if nearest is None else nearest[order],
     )
 
 
