@@ -54,28 +54,6 @@ def mesh_cloth(u: ArrayLike, v: ArrayLike, fabric: Fabric, **where: ArrayLike) -
     return Cloth.from_mesh(grid.positions, grid.triangles, pattern=grid.pattern, fabric=fabric)
 
 
-def irregular(cloth: GridCloth, rng: np.random.Generator, moved: float = 0.3) -> MeshCloth:
-    """A flat grid with cells split along random diagonals, and inner vertices moved by up to a share of a cell."""
-    rows, columns = cloth.rows, cloth.columns
-    y, x = np.divmod(np.arange(cloth.vertices), columns)
-    inner = np.flatnonzero((x > 0) & (x < columns - 1) & (y > 0) & (y < rows - 1))
-    by = moved * rng.uniform(-1.0, 1.0, (len(inner), 2))
-
-    def places(start: FloatArray) -> FloatArray:
-        across, down = start[inner + 1] - start[inner], start[inner + columns] - start[inner]
-        found = start.copy()
-        found[inner] += by[:, :1] * across + by[:, 1:] * down
-        return found
-
-    a = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
-    b, c, d = a + 1, a + columns, a + columns + 1
-    flip = rng.random(len(a))[:, None] < 0.5
-    one = np.where(flip, np.stack([a, c, d], axis=1), np.stack([a, c, b], axis=1))
-    two = np.where(flip, np.stack([a, d, b], axis=1), np.stack([d, b, c], axis=1))
-    faces, fabric = np.concatenate([one, two]), cloth.fabric
-    return Cloth.from_mesh(places(cloth.positions), faces, pattern=places(cloth.pattern), fabric=fabric)
-
-
 class Run:
     """A solver at work on a scene, with nothing in between: any initial velocity, any pose of the bones.
 

@@ -3,7 +3,7 @@
     python -m tests.bench.solvers.implicit [vertices ...]
 
 The sheet of `cape bench` as a grid and as a mesh, and as a membrane: cells split along random diagonals with vertices
-moved by up to 0.3 of a cell, which no springs can be. Of fixed physical size, on one thread. Times are CPU times, the
+moved by up to a fifth of a cell, which no springs can be. Of fixed physical size, on one thread. Times are CPU times, the
 least of some frames in turn, per vertex and step [ns]; iterations are means over the frames of one round: of Newton's
 method in a stage, of conjugate gradients in a Newton step. `growth` is the cost over that of the first size, `grid`
 that over the grid's.
@@ -12,20 +12,14 @@ that over the grid's.
 import math
 import sys
 import time
-from dataclasses import replace
 
 import numpy as np
 
-from cape.assembly.assemble import Assembly
-from cape.bench.sheets import assemble_standing, assembled, sheet
+from cape.bench.sheets import assembled
 from cape.bench.subject import Subject
-from cape.cloth.cloth import GridCloth
-from cape.cloth.triangle_mesh import locality_order, reordered
 from cape.kernels.implicit.implicit import LINEAR, NEWTON, UNSOLVED
-from cape.scene.attachments import attach
 from cape.solvers import TRBDF2, BackwardEuler
-from skeleton.track import BoneTrack
-from tests.support.scenes import irregular
+from tests.support.irregular import irregular_sheet
 
 LAYOUTS = ("grid", "mesh", "membrane")
 SIZES = (1_536, 4_704, 10_000, 20_000)
@@ -35,21 +29,7 @@ STAGES = {BackwardEuler: 1, TRBDF2: 2}
 
 def subject_of(vertices: int, layout: str, solver: BackwardEuler | TRBDF2) -> Subject:
     """A solver at work on the sheet."""
-    return Subject(*(membrane(vertices) if layout == "membrane" else assembled(vertices, layout)), solver)
-
-
-def membrane(vertices: int) -> tuple[Assembly, BoneTrack]:
-    """The sheet as an irregular mesh."""
-    swinging = sheet(vertices)
-    grid = swinging.scene.cloth
-    assert isinstance(grid, GridCloth)
-    cloth = irregular(grid, np.random.default_rng(0))
-    cloth = reordered(cloth, locality_order(cloth.faces, cloth.positions))
-    top = np.flatnonzero(cloth.pattern[:, 1] == 0.0)
-    held = [attach(cloth, a.bone, top) for a in swinging.scene.attachments]
-    assembly = assemble_standing(replace(swinging.scene, cloth=cloth, attachments=held))
-    assert assembly.springs.membrane is not None
-    return assembly, swinging.track
+    return Subject(*(irregular_sheet(vertices) if layout == "membrane" else assembled(vertices, layout)), solver)
 
 
 def round_of(subject: Subject) -> tuple[float, np.ndarray]:
