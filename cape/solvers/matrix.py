@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
-from cape.assembly.mesh.links import mesh_springs_record
 from cape.assembly.multigrid.levels import LinkBlocks
 from cape.cloth.cloth import GridCloth
 from cape.forces.elastic import Links
@@ -21,17 +20,25 @@ from cape.kernels.implicit.stiffness import Matrix
 Array = NDArray[np.floating]
 
 
+class Nearest(NamedTuple):
+    """The springs nearest to a membrane, of which its levels are made, and room for their `coefficients` w and c.
+
+    The blocks between a membrane's own vertices are no such sums of squares, but negative across from obtuse angles.
+    """
+
+    springs: MeshSprings
+    coefficients: Array
+
+
 class Layout(NamedTuple):
     """What springs, or a membrane, and bend springs give to the matrix: see `GridStiffness`, `MeshStiffness`,
-    `MembraneStiffness` and `MeshBendStiffness`. Of a membrane `coefficients` are its tension, `ends` what p changes, and
-    `nearest` with their `linked` coefficients the springs that stand for it where vertices are gathered in levels."""
+    `MembraneStiffness` and `MeshBendStiffness`. Of a membrane `coefficients` are its tension, `ends` what p changes."""
 
     coefficients: Array
     couplings: Array | None = None
     ends: Array | None = None
     membrane: MeshMembrane | None = None
-    nearest: MeshSprings | None = None
-    linked: Array | None = None
+    nearest: Nearest | None = None
     bends: MeshBends | None = None
     diagonal: Array | None = None
 
@@ -54,14 +61,15 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
     families = springs.families
     layout = Layout(np.zeros((16, size), dtype))
     if isinstance(links.springs, MeshMembrane):
-        inner = in_precision(links.springs, dtype)
-        nearest = mesh_springs_record(replace(springs, stiffness=springs.nearest), count, links.springs.slopes.dtype.type)
+        from cape.assembly.mesh.links import mesh_springs_record
+
+        inner, kind = in_precision(links.springs, dtype), links.springs.slopes.dtype.type
+        nearest = mesh_springs_record(replace(springs, stiffness=springs.nearest), count, kind)
         layout = Layout(
             np.zeros_like(inner.strains),
             ends=np.zeros_like(inner.shape),
             membrane=inner,
-            nearest=nearest,
-            linked=_coefficients(nearest, dtype),
+            nearest=Nearest(nearest, _coefficients(nearest, dtype)),
         )
     elif not isinstance(links.springs, GridSprings):
         ends = np.zeros(links.springs.forces.shape, dtype)
@@ -96,12 +104,11 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
 
 
 def link_blocks(matrix: Matrix, layout: Layout, links: Links) -> LinkBlocks:
-    """Where the blocks of the springs are in the matrix of a cloth, or of those nearest to a membrane."""
+    """Where the blocks of the springs are in the matrix of a cloth, or of those that stand for a membrane."""
     springs, coefficients = links.springs, layout.coefficients
     if isinstance(springs, MeshMembrane):
         assert layout.nearest is not None
-        assert layout.linked is not None
-        springs, coefficients = layout.nearest, layout.linked
+        springs, coefficients = layout.nearest
     if isinstance(springs, GridSprings):
         family, first = np.nonzero(springs.stiffness)
         size = coefficients.shape[1]

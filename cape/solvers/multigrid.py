@@ -37,9 +37,7 @@ class Levels(NamedTuple):
     above: tuple[Above, ...]
 
 
-def levels_of(
-    assembly: Assembly, matrix: Matrix, links: LinkBlocks, terms: NDArray[np.floating]
-) -> Levels | None:
+def levels_of(assembly: Assembly, matrix: Matrix, links: LinkBlocks, terms: NDArray[np.floating]) -> Levels | None:
     """The levels above a cloth, None for one of few vertices.
 
     `terms` (L,) is room for those of a dot product.

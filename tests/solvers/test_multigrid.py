@@ -16,7 +16,7 @@ from cape.scene.attachments import Attachment
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2, BackwardEuler
 from tests.solvers.linear import FABRIC, LAYOUTS, B, Linear
-from tests.support.irregular import irregular, irregular_sheet
+from tests.support.irregular import irregular, irregular_swing
 from tests.support.scenes import Run, grid_cloth, mesh_cloth
 
 ROWS, COLUMNS = 25, 16
@@ -246,7 +246,7 @@ def test_a_step_within_the_tolerance_is_not_taken_where_equations_may_be_settled
 def test_finer_cloth_takes_no_more_iterations(kind: type[BackwardEuler | TRBDF2], layout: str):
     taken = []
     for vertices in (1_000, 8_000):
-        sheet = irregular_sheet(vertices) if layout == "membrane" else assembled(vertices, layout)
+        sheet = irregular_swing(vertices) if layout == "membrane" else assembled(vertices, layout)
         subject = Subject(*sheet, kind())
         counts = np.sum([_counted(subject) for _ in range(3)], axis=0)
         taken.append(counts[LINEAR] / counts[NEWTON])

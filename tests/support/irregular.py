@@ -39,8 +39,8 @@ def irregular(cloth: GridCloth, rng: np.random.Generator, moved: float = MOVED) 
     return Cloth.from_mesh(places(cloth.positions), faces, pattern=places(cloth.pattern), fabric=fabric)
 
 
-def irregular_sheet(vertices: int) -> tuple[Assembly, BoneTrack]:
-    """The sheet of `cape bench` with about so many vertices as an irregular mesh, and the motion of its bones."""
+def irregular_swing(vertices: int) -> tuple[Assembly, BoneTrack]:
+    """The sheet of `cape bench` of about so many vertices as an irregular mesh, and the motion of its bones."""
     swinging = sheet(vertices)
     grid = swinging.scene.cloth
     assert isinstance(grid, GridCloth)

@@ -2,11 +2,11 @@
 
     python -m tests.bench.solvers.implicit [vertices ...]
 
-The sheet of `cape bench` as a grid and as a mesh, and as a membrane: cells split along random diagonals with vertices
-moved by up to a fifth of a cell, which no springs can be. Of fixed physical size, on one thread. Times are CPU times, the
-least of some frames in turn, per vertex and step [ns]; iterations are means over the frames of one round: of Newton's
-method in a stage, of conjugate gradients in a Newton step. `growth` is the cost over that of the first size, `grid`
-that over the grid's.
+The sheet of `cape bench` as a grid, as a mesh, and as a membrane: with cells split along random diagonals and vertices
+moved by up to a fifth of a cell, where no springs can be the fabric. It is of fixed physical size, on one thread. Times
+are CPU times, the least of some frames in turn, per vertex and step [ns]; iterations are means over the frames of one
+round: of Newton's method in a stage, of conjugate gradients in a Newton step. `growth` is the cost over that of the
+first size, `grid` that over the grid's.
 """
 
 import math
@@ -19,7 +19,7 @@ from cape.bench.sheets import assembled
 from cape.bench.subject import Subject
 from cape.kernels.implicit.implicit import LINEAR, NEWTON, UNSOLVED
 from cape.solvers import TRBDF2, BackwardEuler
-from tests.support.irregular import irregular_sheet
+from tests.support.irregular import irregular_swing
 
 LAYOUTS = ("grid", "mesh", "membrane")
 SIZES = (1_536, 4_704, 10_000, 20_000)
@@ -29,7 +29,7 @@ STAGES = {BackwardEuler: 1, TRBDF2: 2}
 
 def subject_of(vertices: int, layout: str, solver: BackwardEuler | TRBDF2) -> Subject:
     """A solver at work on the sheet."""
-    return Subject(*(irregular_sheet(vertices) if layout == "membrane" else assembled(vertices, layout)), solver)
+    return Subject(*(irregular_swing(vertices) if layout == "membrane" else assembled(vertices, layout)), solver)
 
 
 def round_of(subject: Subject) -> tuple[float, np.ndarray]:
