@@ -29,8 +29,7 @@ from cape.kernels.cloth.mesh_bending import MeshBendForces, mesh_bends
 from cape.kernels.jit import Function, kernel, routine
 from cape.kernels.state import State
 from cape.kernels.team import Team
-from tests.support.irregular import irregular
-from tests.support.scenes import grid_cloth
+from tests.support.scenes import grid_cloth, irregular
 
 SIZES, BURST, REPEATS = (1_500, 5_000, 10_000), 1e-3, 300
 STEP, DAMPING, BEND_DAMPING = 1e-9, 1e-5, 2e-3  # so short a step that nothing moves

@@ -16,8 +16,7 @@ from cape.scene.attachments import Attachment
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2, BackwardEuler
 from tests.solvers.linear import FABRIC, LAYOUTS, B, Linear
-from tests.support.irregular import irregular, irregular_swing
-from tests.support.scenes import Run, grid_cloth, mesh_cloth
+from tests.support.scenes import Run, grid_cloth, irregular, irregular_swing, mesh_cloth
 
 ROWS, COLUMNS = 25, 16
 layouts = pytest.mark.parametrize("layout", LAYOUTS)

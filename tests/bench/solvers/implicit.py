@@ -19,7 +19,7 @@ from cape.bench.sheets import assembled
 from cape.bench.subject import Subject
 from cape.kernels.implicit.implicit import LINEAR, NEWTON, UNSOLVED
 from cape.solvers import TRBDF2, BackwardEuler
-from tests.support.irregular import irregular_swing
+from tests.support.scenes import irregular_swing
 
 LAYOUTS = ("grid", "mesh", "membrane")
 SIZES = (1_536, 4_704, 10_000, 20_000)
