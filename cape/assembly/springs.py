@@ -48,8 +48,8 @@ class Springs:
         bend_stiffness: [N/m], shape (K,), none of them zero.
         families: the same springs of a grid by family, None for a mesh.
         membrane: what resists in the plane of a mesh in the springs' place, None where they do.
-        nearest: where a membrane takes their place, stiffness of the springs nearest to the fabric, positive, with which
-            the membrane's equations may be preconditioned [N/m], shape (E,).
+        nearest: where a membrane takes their place, stiffness of the springs nearest to the fabric, all positive, which
+            may precondition its equations [N/m], shape (E,).
     """
 
     first: IntArray

@@ -11,7 +11,7 @@ along either diagonal, the patches of the diagonals are exact, and the springs a
 
 Elsewhere springs meet the fabric in the mean at best, and oblique ones resist shear as they resist stretch: of a fabric
 whose shear is a hundredth of its stretch, cells split at random with vertices moved by up to 0.3 of a cell have six
-times the shear. Where springs miss the fabric by more than `MISSED` a membrane takes their place, and those of its edges
+times the shear. Where springs miss the fabric by more than `MISSED` a membrane takes their place, and those along edges
 only precondition its equations.
 
 Bend springs are the curvatures of the triangles, `cape.assembly.mesh.curvature`.
