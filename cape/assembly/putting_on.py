@@ -47,8 +47,9 @@ def dressing_pose(scene: Scene, pose: Pose) -> Pose:
     if scene.dressing is None:
         return pose
     rotation, origin = _wearer(scene, pose)
-    positions = origin + scene.dressing.positions @ rotation.T
-    turns = quaternions.multiply(quaternions.from_matrix(rotation), scene.dressing.rotations_wxyz)
+    origins, turns = (np.array(parts) for parts in zip(*(scene.dressing[bone] for bone in scene.bones), strict=True))
+    positions = origin + origins @ rotation.T
+    turns = quaternions.multiply(quaternions.from_matrix(rotation), turns)
     return Pose(np.concatenate([positions, pose.positions[-1:]]), np.concatenate([turns, pose.rotations_wxyz[-1:]]))
 
 

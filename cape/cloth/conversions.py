@@ -5,7 +5,7 @@ report WT92.02. A gram-force is 9.80665e-3 N.
 """
 
 from collections.abc import Sequence
-from math import radians
+from math import radians, sqrt
 from typing import NamedTuple
 
 GRAM_FORCE = 9.80665e-3  # N
@@ -89,6 +89,20 @@ class PlaneStiffness(NamedTuple):
     def poisson(self) -> tuple[float, float]:
         """How much a cloth narrows over how much it is pulled, along the warp and along the weft."""
         return self.c12 / self.c11, self.c12 / self.c22
+
+
+def held_stretch(warp: float, weft: float, shear: float) -> tuple[float, float]:
+    """Tension per width and strain of a cloth held as wide as it was, along warp and weft [N/m].
+
+    Args:
+        warp: that along the warp where the cloth is free to narrow [N/m].
+        weft: the same along the weft.
+        shear: tension per width and shear angle [N/m], by which both threads of a `Fabric` are coupled.
+
+    From C_warp - shear^2 / C_weft = warp and C_weft - shear^2 / C_warp = weft, so that C_warp / C_weft = warp / weft.
+    """
+    held = (warp + sqrt(warp**2 + 4.0 * shear**2 * warp / weft)) / 2.0
+    return held, held * weft / warp
 
 
 ROWS_STRAINED_BY = 1.0 / 6.0  # larger principal stretch, less 1, at which ARCSim's rows but the first were measured

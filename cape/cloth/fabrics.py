@@ -3,8 +3,10 @@
 ARCSim's tables are those of Wang, O'Brien and Ramamoorthi, who ask that publications cite their paper; of each stand
 here the rows and columns that a linear fabric needs. Woven fabrics are as stiff along their threads as at rest, knits
 as at 5 % of strain: at rest their rows tell of negative coupling, which can't be, and the softest are softer along a
-thread than in shear, which springs can't be. Stretch is that of a cloth free to narrow, since that is how it hangs.
-Fabrics of which only bending was measured have the stretch and shear of the worsted by mass.
+thread than in shear, which springs can't be. What is kept of their stretch is that of a cloth free to narrow, since
+that is how it hangs: a `Fabric`, told that of one held as wide as it was, then pulls alike
+(`conversions.held_stretch`). Fabrics of which only bending was measured have the stretch and shear of the worsted by
+mass.
 """
 
 from typing import Final

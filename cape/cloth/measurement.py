@@ -122,7 +122,7 @@ def by_arcsim(
     return Measurement(
         fabric=Fabric(
             density=density,
-            stretch=(warp.stretch_warp, weft.stretch_weft),
+            stretch=conversions.held_stretch(warp.stretch_warp, weft.stretch_weft, weft.shear),
             shear=weft.shear,
             bend=(bend_warp, bend_weft),
         ),
@@ -160,10 +160,10 @@ def by_fast(
 ) -> Measurement:
     """A fabric by FAST: weight [g/m2], E5, E20, EB5 [%] and bending length [mm], pairs along warp and weft."""
     density = 1e-3 * weight
-    stretch = conversions.fast_stretch(e5[0], e20[0]), conversions.fast_stretch(e5[1], e20[1])
+    free, shear = (conversions.fast_stretch(*loads) for loads in zip(e5, e20, strict=True)), conversions.fast_shear(eb5)
     warp, weft = (conversions.cantilever_bending(density, 1e-3 * length) for length in bending_length)
     return Measurement(
-        fabric=Fabric(density=density, stretch=stretch, shear=conversions.fast_shear(eb5), bend=(warp, weft)),
+        fabric=Fabric(density=density, stretch=conversions.held_stretch(*free, shear), shear=shear, bend=(warp, weft)),
         material=material,
         source=source,
         place=place,

@@ -11,7 +11,6 @@ from cape.garments.fitting import Fitted
 from cape.scene.attachments import attach
 from cape.scene.colliders import Collider
 from cape.scene.floor import floor_under
-from cape.scene.poses import Pose
 from cape.scene.scene import WEARER_ROLES, Scene
 from cape.scene.wind import Wind
 from skeleton.track import BoneTrack
@@ -66,7 +65,9 @@ def dress(
     )
     for bone in scene.bones:
         track.index(bone)
-    return replace(scene, dressing=Pose(*fitted.pose(scene.bones))) if arms_lowered else scene
+    if not arms_lowered:
+        return scene
+    return replace(scene, dressing=dict(zip(scene.bones, zip(*fitted.pose(scene.bones), strict=True), strict=True)))
 
 
 def _beginning(body: "Skeleton", role: str) -> str:

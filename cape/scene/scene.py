@@ -1,6 +1,6 @@
 """Everything that a simulation needs to know and that does not change while it runs."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from cape.cloth.cloth import Cloth
 from cape.scene.attachments import Attachment
 from cape.scene.colliders import Collider
-from cape.scene.poses import Pose
 from cape.scene.self_contact import SelfContact
 from cape.scene.wind import Wind
 from motions.errors import ValueRangeError
 from skeleton.shapes import require_known
+
+FloatArray = NDArray[np.float64]
 
 # Bones, or their roles, that place the wearer's frame.
 WEARER_ROLES = ("left_upper_arm", "right_upper_arm", "pelvis")
@@ -35,8 +36,8 @@ class Scene:
             what lies between the vertices.
         self_contact: how the cloth touches itself; None to let it pass through itself.
         wearer: the bones, or their roles, at which the left and the right arm begin, and the pelvis: where a cape is.
-        dressing: pose of `bones`, in the wearer's frame, in which the cloth is put on, before these go to where the
-            motion begins; None to put it on there.
+        dressing: origin [m] and unit quaternion bone_to_wearer wxyz of each of `bones` in the wearer's frame, where the
+            cloth is put on, before they go to where the motion begins; None to put it on there.
     """
 
     cloth: Cloth
@@ -48,7 +49,7 @@ class Scene:
     thickness: float = 0.005
     self_contact: SelfContact | None = None
     wearer: tuple[str, str, str] = WEARER_ROLES
-    dressing: Pose | None = None
+    dressing: Mapping[str, tuple[FloatArray, FloatArray]] | None = None
 
     def __post_init__(self) -> None:
         """Check what can be checked without bones.
