@@ -37,11 +37,15 @@ class Levels(NamedTuple):
     above: tuple[Above, ...]
 
 
-def levels_of(assembly: Assembly, matrix: Matrix, links: LinkBlocks, terms: NDArray[np.floating]) -> Levels | None:
-    """The levels above a cloth, None for one of few vertices.
+def levels_of(
+    assembly: Assembly, matrix: Matrix, links: LinkBlocks | None, terms: NDArray[np.floating]
+) -> Levels | None:
+    """The levels above a cloth, None for one of few vertices, or without links.
 
     `terms` (L,) is room for those of a dot product.
     """
+    if links is None:
+        return None
     cloth = assembly.cloth
     columns = cloth.columns if isinstance(cloth, GridCloth) else None
     levels, between = lay_out_levels(
