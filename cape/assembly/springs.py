@@ -48,6 +48,8 @@ class Springs:
         bend_stiffness: [N/m], shape (K,), none of them zero.
         families: the same springs of a grid by family, None for a mesh.
         membrane: what resists in the plane of a mesh in the springs' place, None where they do.
+        nearest: where a membrane takes their place, stiffness of the springs nearest to the fabric, all positive, which
+            may precondition its equations [N/m], shape (E,).
     """
 
     first: IntArray
@@ -60,6 +62,7 @@ class Springs:
     bend_stiffness: FloatArray
     families: Families | None = None
     membrane: Membrane | None = None
+    nearest: FloatArray | None = None
 
 
 def springs_of(cloth: Cloth) -> Springs:

@@ -302,6 +302,9 @@ class ImplicitSolver(Solver):
             sheet = MembraneStiffness(still, layout.membrane, arrays.matrix, layout.coefficients, layout.ends)
             first, last = Use(linearise_membrane, sheet), Use(add_membrane_diagonal, sheet)
             product = Use(multiply_membrane, sheet)
+            if arrays.levels is not None and layout.nearest is not None:
+                (nearest, found), nowhere = layout.nearest, layout.ends[:0]
+                own.append(Use(linearise_mesh, MeshStiffness(running.state, nearest, arrays.matrix, found, nowhere)))
         else:
             assert layout.ends is not None
             mesh = MeshStiffness(running.state, links.springs, arrays.matrix, layout.coefficients, layout.ends)

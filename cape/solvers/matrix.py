@@ -1,5 +1,6 @@
 """The matrix of an implicit solver's Newton steps, and what the forces of a cloth give to it."""
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,12 +12,22 @@ from cape.cloth.cloth import GridCloth
 from cape.forces.elastic import Links
 from cape.kernels.cloth.grid import GridSprings
 from cape.kernels.cloth.membrane import MeshMembrane
-from cape.kernels.cloth.mesh import BLOCK
+from cape.kernels.cloth.mesh import BLOCK, MeshSprings
 from cape.kernels.cloth.mesh_bending import MeshBends
 from cape.kernels.implicit.conjugate_gradients import CHUNK
 from cape.kernels.implicit.stiffness import Matrix
 
 Array = NDArray[np.floating]
+
+
+class Nearest(NamedTuple):
+    """The springs nearest to a membrane, of which its levels are made, and room for their `coefficients` w and c.
+
+    The blocks between a membrane's own vertices are no such sums of squares, but negative across from obtuse angles.
+    """
+
+    springs: MeshSprings
+    coefficients: Array
 
 
 class Layout(NamedTuple):
@@ -27,6 +38,7 @@ class Layout(NamedTuple):
     couplings: Array | None = None
     ends: Array | None = None
     membrane: MeshMembrane | None = None
+    nearest: Nearest | None = None
     bends: MeshBends | None = None
     diagonal: Array | None = None
 
@@ -49,12 +61,19 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
     families = springs.families
     layout = Layout(np.zeros((16, size), dtype))
     if isinstance(links.springs, MeshMembrane):
-        inner = in_precision(links.springs, dtype)
-        layout = Layout(np.zeros_like(inner.strains), ends=np.zeros_like(inner.shape), membrane=inner)
+        from cape.assembly.mesh.links import mesh_springs_record
+
+        inner, kind = in_precision(links.springs, dtype), links.springs.slopes.dtype.type
+        nearest = mesh_springs_record(replace(springs, stiffness=springs.nearest), count, kind)
+        layout = Layout(
+            np.zeros_like(inner.strains),
+            ends=np.zeros_like(inner.shape),
+            membrane=inner,
+            nearest=Nearest(nearest, _coefficients(nearest, dtype)),
+        )
     elif not isinstance(links.springs, GridSprings):
-        blocks, rows_of_links, lanes = links.springs.second.shape
         ends = np.zeros(links.springs.forces.shape, dtype)
-        layout = Layout(np.zeros((blocks, rows_of_links, 4, lanes), dtype), ends=ends)
+        layout = Layout(_coefficients(links.springs, dtype), ends=ends)
     if isinstance(links.bends, MeshBends):
         # Rows are zero in sum.
         row = np.repeat(np.arange(count), np.diff(links.bends.start))
@@ -84,21 +103,28 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
     return matrix, layout
 
 
-def link_blocks(matrix: Matrix, layout: Layout, links: Links) -> LinkBlocks | None:
-    """Where the blocks of the springs are in the matrix of a cloth; None for a membrane, which has none."""
-    coefficients = layout.coefficients
-    if isinstance(links.springs, MeshMembrane):
-        return None
-    if isinstance(links.springs, GridSprings):
-        family, first = np.nonzero(links.springs.stiffness)
+def link_blocks(matrix: Matrix, layout: Layout, links: Links) -> LinkBlocks:
+    """Where the blocks of the springs are in the matrix of a cloth, or of those that stand for a membrane."""
+    springs, coefficients = links.springs, layout.coefficients
+    if isinstance(springs, MeshMembrane):
+        assert layout.nearest is not None
+        springs, coefficients = layout.nearest
+    if isinstance(springs, GridSprings):
+        family, first = np.nonzero(springs.stiffness)
         size = coefficients.shape[1]
         place = 4 * family * size + matrix.front + first
-        return LinkBlocks(first, first + links.springs.offsets[family], place, coefficients.reshape(-1), size)
-    springs, rows = links.springs, coefficients.shape[1]
+        return LinkBlocks(first, first + springs.offsets[family], place, coefficients.reshape(-1), size)
+    rows = coefficients.shape[1]
     block, row, lane = np.nonzero(springs.stiffness)
     second = springs.second[block, row, lane].astype(np.int64)
     place = (block * rows + row) * 4 * BLOCK + lane
     return LinkBlocks(block * BLOCK + lane, second, place, coefficients.reshape(-1), BLOCK)
+
+
+def _coefficients(springs: MeshSprings, dtype: type[np.floating]) -> Array:
+    """Room for w and c of the springs of a mesh."""
+    blocks, rows, lanes = springs.second.shape
+    return np.zeros((blocks, rows, 4, lanes), dtype)
 
 
 def in_precision(record: Any, dtype: type[np.floating]) -> Any:

@@ -17,7 +17,8 @@ import numpy as np
 from cape.assembly.mesh import springs as fitting
 from cape.assembly.mesh.links import mesh_air_record, mesh_bends_record, mesh_membrane_record, mesh_springs_record
 from cape.assembly.mesh.springs import mesh_springs
-from cape.cloth.cloth import Cloth, MeshCloth
+from cape.cloth.cloth import MeshCloth
+from cape.cloth.fabric import Fabric
 from cape.cloth.triangle_mesh import locality_order, reordered
 from cape.kernels.calling import Bound
 from cape.kernels.cloth.baselines import move, scalar_step
@@ -28,25 +29,16 @@ from cape.kernels.cloth.mesh_bending import MeshBendForces, mesh_bends
 from cape.kernels.jit import Function, kernel, routine
 from cape.kernels.state import State
 from cape.kernels.team import Team
+from tests.support.scenes import grid_cloth, irregular
 
 SIZES, BURST, REPEATS = (1_500, 5_000, 10_000), 1e-3, 300
 STEP, DAMPING, BEND_DAMPING = 1e-9, 1e-5, 2e-3  # so short a step that nothing moves
 
 
-def irregular_sheet(vertices: int, seed: int = 0, moved: float = 0.009) -> MeshCloth:
-    """About so many vertices in a square, the inner ones moved by up to so much [m]."""
-    rng, side = np.random.default_rng(seed), round(vertices**0.5)
-    y, x = np.divmod(np.arange(side * side), side)
-    flat = np.stack([x, y], axis=1) * 0.03
-    inner = (x > 0) & (x < side - 1) & (y > 0) & (y < side - 1)
-    flat[inner] += moved * rng.uniform(-1, 1, (inner.sum(), 2))
-    a = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
-    b, c, d = a + 1, a + side, a + side + 1
-    flip = rng.random(len(a))[:, None] < 0.5
-    one = np.where(flip, np.stack([a, c, d], axis=1), np.stack([a, c, b], axis=1))
-    two = np.where(flip, np.stack([a, d, b], axis=1), np.stack([d, b, c], axis=1))
-    places = np.stack([0 * flat[:, 0], -flat[:, 0], -flat[:, 1]], axis=1)
-    cloth = Cloth.from_mesh(places, np.concatenate([one, two]), pattern=flat)
+def irregular_sheet(vertices: int, moved: float = 0.3) -> MeshCloth:
+    """About so many vertices in a square, the inner ones moved by up to so much of a cell."""
+    rng, threads = np.random.default_rng(0), 0.03 * np.arange(round(vertices**0.5))
+    cloth = irregular(grid_cloth(threads, threads, Fabric(), right=(0.0, -1.0, 0.0)), rng, moved)
     cloth = reordered(cloth, rng.permutation(cloth.vertices))
     return reordered(cloth, locality_order(cloth.faces, cloth.positions))
 

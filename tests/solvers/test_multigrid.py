@@ -7,6 +7,7 @@ import pytest
 
 from cape.bench.sheets import assembled
 from cape.bench.subject import Subject
+from cape.cloth.cloth import Cloth
 from cape.kernels.implicit import conjugate_gradients
 from cape.kernels.implicit.implicit import LINEAR, NEWTON
 from cape.kernels.implicit.levels import Level
@@ -14,11 +15,11 @@ from cape.kernels.implicit.multigrid import DAMPING
 from cape.scene.attachments import Attachment
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2, BackwardEuler
-from tests.solvers.linear import FABRIC, B, Linear
-from tests.support.scenes import Run, grid_cloth, mesh_cloth
+from tests.solvers.linear import FABRIC, LAYOUTS, B, Linear
+from tests.support.scenes import Run, grid_cloth, irregular, irregular_swing, mesh_cloth
 
 ROWS, COLUMNS = 25, 16
-layouts = pytest.mark.parametrize("layout", ["grid", "mesh"])
+layouts = pytest.mark.parametrize("layout", LAYOUTS)
 Array = np.ndarray
 
 
@@ -80,6 +81,31 @@ def weights_of(linear: Linear) -> list[Array]:
     return found
 
 
+def coupling_blocks(linear: Linear) -> Array:
+    """Minus the block of the matrix between the ends of each spring, (E, 3, 3)."""
+    fine, springs = linear.dense().reshape(3, linear.count, 3, linear.count), linear.assembly.springs
+    return -fine[:, springs.first, :, springs.second]
+
+
+def nearest_blocks(linear: Linear) -> Array:
+    """k (1 + tau/b) u u' + k max(0, 1 - l0/l) (1 - u u') of the springs nearest to a membrane, (E, 3, 3)."""
+    springs, x = linear.assembly.springs, linear.x.T
+    assert springs.nearest is not None
+    apart = x[springs.second] - x[springs.first]
+    length = np.linalg.norm(apart, axis=1)
+    along = np.einsum("ei,ej->eij", apart, apart) / (length**2)[:, None, None]
+    tension = np.maximum(0.0, 1.0 - springs.rest / length)[:, None, None]
+    damped = 1.0 + FABRIC.damping_time / B
+    return springs.nearest[:, None, None] * (damped * along + tension * (np.eye(3) - along))
+
+
+def cloth_of(layout: str, u: Array, v: Array) -> Cloth:
+    """A cloth whose vertices lie at those coordinates, or near them where its material is a membrane."""
+    if layout == "membrane":
+        return irregular(grid_cloth(u, v, FABRIC), np.random.default_rng(0))
+    return {"grid": grid_cloth, "mesh": mesh_cloth}[layout](u, v, FABRIC)
+
+
 @layouts
 def test_vertices_are_moved_by_weights_of_sum_one_and_held_ones_not_at_all(layout: str, rng):
     linear = linear_of(layout, rng)
@@ -95,7 +121,7 @@ def test_a_link_of_a_level_is_the_sum_of_those_that_cross_by_their_share_of_the_
     linear = linear_of(layout, rng, bend=0.0)
     level, assembly = levels_in(linear)[0], linear.assembly
     springs, start, free = assembly.springs, assembly.cloth.positions, assembly.free
-    fine = linear.dense().reshape(3, linear.count, 3, linear.count)
+    stiffness = {"membrane": nearest_blocks}.get(layout, coupling_blocks)(linear)
     members = np.split(level.gathered.members, level.gathered.start[1:-1])
     label = np.full(linear.count, -1)
     for node, vertices in enumerate(members):
@@ -106,19 +132,19 @@ def test_a_link_of_a_level_is_the_sum_of_those_that_cross_by_their_share_of_the_
     expected = np.zeros((3, count, 3, count))
     for node, vertices in enumerate(members):
         expected[:, node, :, node] += assembly.mass[vertices].sum() / B**2 * np.eye(3)
-    for i, j in zip(springs.first, springs.second, strict=True):
+    for i, j, between in zip(springs.first, springs.second, stiffness, strict=True):
         a, b = (i, j) if label[i] >= 0 else (j, i)
         p, q = label[a], label[b]
         if p == q:
             continue
         apart = (start[b] if q < 0 else centre[q]) - centre[p]
         share = min(abs(apart @ (start[b] - start[a])) / (apart @ apart), 1.0)
-        stiffness = -share * fine[:, a, :, b]
-        expected[:, p, :, p] += stiffness
+        added = share * between
+        expected[:, p, :, p] += added
         if q >= 0:
-            expected[:, q, :, q] += stiffness
-            expected[:, p, :, q] -= stiffness
-            expected[:, q, :, p] -= stiffness
+            expected[:, q, :, q] += added
+            expected[:, p, :, q] -= added
+            expected[:, q, :, p] -= added
     expected = expected.reshape(3 * count, 3 * count)
     np.testing.assert_allclose(dense_of(level), expected, atol=1e-12 * np.abs(expected).max())
 
@@ -219,7 +245,8 @@ def test_a_step_within_the_tolerance_is_not_taken_where_equations_may_be_settled
 def test_finer_cloth_takes_no_more_iterations(kind: type[BackwardEuler | TRBDF2], layout: str):
     taken = []
     for vertices in (1_000, 8_000):
-        subject = Subject(*assembled(vertices, layout), kind())
+        sheet = irregular_swing(vertices) if layout == "membrane" else assembled(vertices, layout)
+        subject = Subject(*sheet, kind())
         counts = np.sum([_counted(subject) for _ in range(3)], axis=0)
         taken.append(counts[LINEAR] / counts[NEWTON])
     # With the block diagonal alone they grow as the number of vertices along a side does, 2.8 times.
@@ -235,7 +262,7 @@ def _counted(subject: Subject) -> Array:
 @pytest.mark.parametrize("kind", [BackwardEuler, TRBDF2], ids=lambda kind: kind.name)
 def test_threads_share_the_levels_to_the_last_bit(kind: type[BackwardEuler | TRBDF2], layout: str):
     side = np.linspace(0.0, 0.6, 31)
-    cloth = {"grid": grid_cloth, "mesh": mesh_cloth}[layout](side, side[:29], FABRIC)
+    cloth = cloth_of(layout, side, side[:29])
     scene = Scene(cloth, [Attachment(vertices=np.array([0, 30]), bone="hand")])
     found = []
     for threads in (1, 2, 3):
@@ -250,7 +277,7 @@ def test_threads_share_the_levels_to_the_last_bit(kind: type[BackwardEuler | TRB
 @layouts
 def test_a_cloth_all_of_which_is_held_needs_no_levels(layout: str):
     side = np.linspace(0.0, 0.6, 9)
-    cloth = {"grid": grid_cloth, "mesh": mesh_cloth}[layout](side, side, FABRIC)
+    cloth = cloth_of(layout, side, side)
     held = Run(Scene(cloth, [Attachment(vertices=np.arange(81), bone="hand")]), BackwardEuler())
     assert held.running.arrays.levels is None
     assert held.step(1 / 60, 4) == 0

@@ -11,7 +11,8 @@ along either diagonal, the patches of the diagonals are exact, and the springs a
 
 Elsewhere springs meet the fabric in the mean at best, and oblique ones resist shear as they resist stretch: of a fabric
 whose shear is a hundredth of its stretch, cells split at random with vertices moved by up to 0.3 of a cell have six
-times the shear. Where springs miss the fabric by more than `MISSED` a membrane takes their place.
+times the shear. Where springs miss the fabric by more than `MISSED` a membrane takes their place, and those along edges
+only precondition its equations.
 
 Bend springs are the curvatures of the triangles, `cape.assembly.mesh.curvature`.
 """
@@ -48,9 +49,9 @@ def mesh_springs(cloth: MeshCloth) -> Springs:
     layers = np.ones(len(cloth.faces)) if cloth.layers is None else cloth.layers
     area = areas(cloth.corners) * layers
     edge_stiffness, cross_stiffness, edge_length, cross_length, missed = _in_plane(cloth, edges, area)
-    membrane = None
+    membrane, nearest = None, None
     if missed > MISSED:
-        membrane = membrane_of(cloth, edges)
+        membrane, nearest = membrane_of(cloth, edges), edge_stiffness
         edge_stiffness, cross_stiffness = np.zeros_like(edge_stiffness), np.zeros_like(cross_stiffness)
     opposite = cloth.faces.ravel()[_corner(edges.sides, 2)]
     kept = cross_stiffness > 0.0
@@ -70,6 +71,7 @@ def mesh_springs(cloth: MeshCloth) -> Springs:
         bend_coefficients=bend_coefficients,
         bend_stiffness=bend_stiffness,
         membrane=membrane,
+        nearest=None if nearest is None else nearest[order],
     )
 
 
