@@ -160,10 +160,12 @@ def by_fast(
 ) -> Measurement:
     """A fabric by FAST: weight [g/m2], E5, E20, EB5 [%] and bending length [mm], pairs along warp and weft."""
     density = 1e-3 * weight
-    free, shear = (conversions.fast_stretch(*loads) for loads in zip(e5, e20, strict=True)), conversions.fast_shear(eb5)
+    along_warp, along_weft = (conversions.fast_stretch(*loads) for loads in zip(e5, e20, strict=True))
+    shear = conversions.fast_shear(eb5)
+    stretch = conversions.held_stretch(along_warp, along_weft, shear)
     warp, weft = (conversions.cantilever_bending(density, 1e-3 * length) for length in bending_length)
     return Measurement(
-        fabric=Fabric(density=density, stretch=conversions.held_stretch(*free, shear), shear=shear, bend=(warp, weft)),
+        fabric=Fabric(density=density, stretch=stretch, shear=shear, bend=(warp, weft)),
         material=material,
         source=source,
         place=place,
