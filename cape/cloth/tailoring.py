@@ -124,9 +124,9 @@ def _around(index: NDArray[np.int64]) -> NDArray[np.int64]:
 def sewn_edges(pattern: FloatArray, rows: int, columns: int, layers: float) -> FloatArray:
     """Layers of fabric in each cell, on average over it: a hem at the sides and the end, a collar twice as thick.
 
-    So a cape weighs the same at any spacing.
+    So a cape weighs the same at any spacing. `pattern` may also be a shape in space, of a cloth that does not lie flat.
     """
-    points = pattern.reshape(rows, columns, 2)
+    points = pattern.reshape(rows, columns, -1)
     heights = np.linalg.norm(np.diff(points[:, 0], axis=0), axis=1)
     widths = np.linalg.norm(np.diff((points[:-1] + points[1:]) / 2.0, axis=1), axis=2)
     collar = _covered(heights, 2.0 * HEM)[:, None]

@@ -23,7 +23,7 @@ CLEARANCE = 0.008  # m between the body and the garment as it is cut
 ROOM = 0.008  # m that the collar is wider than the neck, besides
 STEEPEST = 0.9  # descent of the yoke per way outwards: beyond the shoulders' edge it does not follow the body
 COLLAR_ROWS = 2  # that the chest holds
-COLLAR_LAYERS = 3.0  # of fabric in the sewn hem, and twice as many in the collar
+HEM_LAYERS = 3.0  # of fabric in the sewn hem; the collar has twice as many
 STIFF = 0.6  # rad around the neck, over which a collar is even
 SPACING = 0.0172  # of the body's height, for fewer vertices than two threads share: triangles in contact are all one's
 
@@ -87,7 +87,7 @@ def lay_out(
     down = np.linspace(0.0, length, tailoring.cells(length, spacing) + 1)
     edge = int(np.searchsorted(down, reach - radius))
     if edge + COLLAR_ROWS >= len(down):
-        raise ValueRangeError(f"a garment {length:.2f} m long ends on the shoulders: at least {reach:.2f} m are needed")
+        raise ValueRangeError(f"a garment {length:.2f} m long ends on the shoulders, {reach - radius:.2f} m wide")
     hem = max(flare, 1.0) * reach
     rings = np.interp(down, [0.0, max(reach - radius, down[1]), length], [radius, max(reach, radius), hem])
     columns = max(tailoring.cells((begin - end) * float(rings.mean()), spacing), 7) + 1
@@ -109,7 +109,7 @@ def lay_out(
         positions=places.reshape(-1, 3),
         frame="wearer",
         fabric=fabric,
-        layers=tailoring.sewn_edges(pattern, rows, columns, COLLAR_LAYERS),
+        layers=tailoring.sewn_edges(places, rows, columns, HEM_LAYERS),
         regions={**tailoring.grid_regions(rows, columns), "collar": np.arange(COLLAR_ROWS * columns)},
     )
     return cloth, places[:COLLAR_ROWS].reshape(-1, 3)

@@ -26,7 +26,6 @@ NARROWEST = 0.03  # the same, at least
 BROADEST = 0.35  # the same of a ring around the shoulders, at most
 UPPER_ARM = 0.15  # of the body's height: how far below the shoulder joints such a ring must be clear
 AROUND = 96  # directions in which a collar is fitted
-SMOOTH = np.radians(14.0)  # over which a collar's height is evened out
 
 
 class Fitted:
@@ -103,7 +102,7 @@ class Fitted:
         angles = np.linspace(-np.pi, np.pi, AROUND, endpoint=False)
         heights = np.arange(0.0, HIGHEST, FINE / self.height) * self.height
         for radius in np.arange(NARROWEST * self.height, WIDEST * self.height, FINE):
-            clear = (self._off_rings(np.full(AROUND, radius), angles, heights) >= clearance).all(axis=0)
+            clear = (self._off_ring(radius, angles, heights) >= clearance).all(axis=0)
             if clear.any():
                 return float(radius), float(heights[np.argmax(clear)])
         raise ValueRangeError(f"no collar of less than {WIDEST * self.height:.2f} m clears the neck")
@@ -117,7 +116,7 @@ class Fitted:
         angles = np.linspace(-np.pi, np.pi, AROUND, endpoint=False)
         heights = np.linspace(-UPPER_ARM * self.height, 0.0, 24)
         for radius in np.arange(WIDEST * self.height, BROADEST * self.height, FINE):
-            if (self._off_rings(np.full(AROUND, radius), angles, heights) >= clearance).all():
+            if (self._off_ring(radius, angles, heights) >= clearance).all():
                 return float(radius)
         raise ValueRangeError(f"no ring of less than {BROADEST * self.height:.2f} m slips over the shoulders")
 
@@ -131,14 +130,14 @@ class Fitted:
             start: where it is let down from [m], shape (n,); where it is not clear there, from the next place above.
         """
         heights = np.arange(LOWEST, HIGHEST, FINE / self.height) * self.height
-        free = self._off_rings(np.full(len(angles), radius), angles, heights) >= clearance
+        free = self._off_ring(radius, angles, heights) >= clearance
         above = heights >= start[:, None] - FINE
         first = np.argmax(free & above, axis=1)
         blocked = ~free & (np.arange(len(heights)) < first[:, None])
         lowest = np.where(blocked, np.arange(len(heights)) + 1, 0).max(axis=1)
         return np.where((free & above).any(axis=1), heights[lowest], HIGHEST * self.height)
 
-    def _off_rings(self, radii: FloatArray, angles: FloatArray, heights: FloatArray) -> FloatArray:
-        """Distance from the nearest collider around the neck [m], at n angles and m heights, shape (n, m)."""
-        x, y = self.neck[0] - radii * np.cos(angles), radii * np.sin(angles)
+    def _off_ring(self, radius: float, angles: FloatArray, heights: FloatArray) -> FloatArray:
+        """Distance of a ring around the neck from the nearest collider [m], at n angles and m heights, shape (n, m)."""
+        x, y = self.neck[0] - radius * np.cos(angles), radius * np.sin(angles)
         return self.distances(np.stack(np.broadcast_arrays(x[:, None], y[:, None], heights), axis=-1))

@@ -181,6 +181,8 @@ class Hanging:
         attached, wind = self.assembly.attached, self.assembly.wind
         wind -= velocity
         leave, arrive = DRESSED_TIME if dressed else (0.0, PUT_ON_TIME)
+        if dressed and duration < arrive:
+            leave, arrive = leave * duration / arrive, duration
         begin, end = self.pose, self._first
         substeps = max(self.choose_substeps(SETTLING_FRAME), self.own_choice(SETTLING_FRAME))
         for frame in range(1, round(duration / SETTLING_FRAME) + 1):
@@ -189,8 +191,8 @@ class Hanging:
                 share = min(now / PUT_ON_TIME, 1.0)
                 share = share * share * (3.0 - 2.0 * share)
                 attached.points[:] = self._spread + share * (self._worn - self._spread)
-            share = min(max((now - leave) / (arrive - leave), 0.0), 1.0)
-            pose = begin.towards(end, share * share * (3.0 - 2.0 * share)) if dressed else end
+            share = min(max((now - leave) / (arrive - leave), 0.0), 1.0) if dressed else 1.0
+            pose = begin.towards(end, share * share * (3.0 - 2.0 * share)) if share < 1.0 else end
             self.complete(Motion(*self.pose, *pose), SETTLING_FRAME, substeps, self.moment())
             self.pose = pose
             self.note_lift(SETTLING_FRAME)
@@ -199,9 +201,10 @@ class Hanging:
             speed = np.sqrt(sum(float(np.mean(np.square(c, dtype=float))) for c in self.state[3:]))
             if now > 1.5 * arrive and speed < SETTLED_SPEED:
                 break
-        self.pose = end
         if attached is not None:
             attached.points[:] = self._worn
+        if self.pose is not end and dressed:
+            self.carry(end)  # there was no time to move
         wind += velocity
 
     def set_out(self, velocity: FloatArray, spin: FloatArray) -> None:

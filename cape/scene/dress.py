@@ -1,4 +1,4 @@
-"""A character's own cape: cut to its measures, held by its shoulders, kept out by its limbs and its floor."""
+"""A character's own garment: cut to its measures, held by its bones, kept out by its limbs and its floor."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -9,6 +9,7 @@ from cape.assembly.springs import springs_of
 from cape.cloth.cloth import GridCloth
 from cape.garments.fitting import Fitted
 from cape.garments.registry import GARMENTS
+from cape.kernels.contact.contact import EXIT
 from motions import quaternions
 from motions.errors import UnknownNameError, ValueRangeError
 from skeleton import Skeleton
@@ -105,6 +106,24 @@ def test_it_follows_the_body_from_the_pose_in_which_it_is_put_on_to_the_first(wa
     expected = track.positions[0, chest] + quaternions.rotate(track.rotations_wxyz[0, chest], held.points)
     np.testing.assert_allclose(simulation.positions[held.vertices], expected, atol=2e-3)
     assert np.isfinite(simulation.positions).all()
+
+
+@pytest.mark.parametrize("settle", [0.0, 0.3])
+def test_it_comes_along_where_there_is_little_time_to_put_it_on(walker, settle: float):
+    body, track = walker
+    scene = cape.dress(body, track, garment="shoulder_cape", spacing=0.06)
+    simulation = cape.Simulation(scene)
+    places = {bone: track.index(bone) for bone in simulation.bones}
+    pose = {bone: (track.positions[0, k], track.rotations_wxyz[0, k]) for bone, k in places.items()}
+    # The chest is turned against the shoulders, unlike in the pose in which the cape is put on.
+    turn = quaternions.from_rotation_vector(np.array([0.0, 0.0, 0.6]))
+    pose["chest"] = (pose["chest"][0], quaternions.multiply(turn, pose["chest"][1]))
+    simulation.start(pose, settle=settle)
+    # The bones stand still in this frame, so that what holds the cloth moves it no faster than out of colliders.
+    before = simulation.positions
+    simulation.step(pose, 1 / 60)
+    held = scene.attachments[0].vertices
+    assert np.linalg.norm(simulation.positions - before, axis=1)[held].max() <= EXIT / 60.0 + 1e-6
 
 
 def test_both_shoulders_are_covered_and_the_chest_is_not(walker):

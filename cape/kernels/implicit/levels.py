@@ -4,9 +4,8 @@ A level's matrix is that of nodes joined by links, each with a symmetric block B
 z_j). P^T A P with smooth weights P would join each node with two dozen others. Instead a link's block is the sum of
 those of the finer links that cross between two aggregates, each times its share of the distance between these. That is
 P^T A P for indicators as P, but for the factor, which makes up for their steps: m springs in a row between two nodes
-are m times as soft as one of them (Braess 1995, "Towards algebraic multigrid for elliptic problems of second order",
-scales by one factor throughout). O is the sum of masses and contact. Bending is left out, as it shrinks with the fourth
-power of the distance between nodes.
+are m times as soft as one of them (by algebra). O is the sum of masses and contact. Bending is left out, as it shrinks
+with the fourth power of the distance between nodes.
 
 Blocks are stored as the rows xx, yy, zz, xy, xz, yz, as in `stiffness`. Loops run over all nodes for one neighbour
 after the other, so that arithmetic vectorises.
