@@ -218,5 +218,5 @@ def _while_closer(ends: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
 
 
 def distance(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
-    """Root mean square over the vertices of the distance between positions (..., V, 3) [m]."""
+    """Root mean square over all points of the distance between positions (..., 3) [m]."""
     return float(np.sqrt(np.mean(np.sum((first - second) ** 2, axis=-1))))

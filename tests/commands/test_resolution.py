@@ -16,7 +16,6 @@ from cape.report.measured import resolution
 from cape.report.measured.resolution import (
     Measured,
     come_to_rest,
-    distance,
     first_mode,
     measure,
     order,
@@ -27,6 +26,7 @@ from cape.report.measured.resolution import (
 from cape.report.plan import FULL, QUICK, Plan
 from cape.report.shown import page
 from cape.report.shown.plot import save_space_diagram
+from cape.run.step_error import distance
 from cape.scene.poses import Pose
 from cape.scene.standard_scenes import curtain
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.report.measured.trajectory import Setting, Stage, Trajectory
-from cape.run.step_error import limit_of
+from cape.run.step_error import distance, limit_of
 
 FloatArray = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ def window_ends(stage: Stage, reference: Trajectory) -> FloatArray:
 
 def apart_mm(first: FloatArray, second: FloatArray) -> float:
     """Root mean square distance between vertices [mm], of positions [m], shape (W, V, 3)."""
-    return 1e3 * float(np.sqrt(np.mean(np.sum((first - second) ** 2, axis=2))))
+    return 1e3 * distance(first, second)
 
 
 def own_limit(ends: Mapping[int, FloatArray]) -> FloatArray | None:

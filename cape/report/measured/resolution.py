@@ -23,6 +23,7 @@ from cape.cloth.cloth import GridCloth
 from cape.report.measured.braking import brake
 from cape.report.measured.clock import Clock, Timing, quickest
 from cape.run.simulation import Diverged, Simulation
+from cape.run.step_error import distance
 from cape.scene.poses import Pose, poses_of
 from cape.scene.scene import Scene
 from cape.scene.standard_scenes import FPS, StandardScene, curtain
@@ -193,11 +194,6 @@ def order(changes: Sequence[float]) -> float:
     if len(changes) < 2 or not min(changes) > 0.0:
         return math.nan
     return math.log2(changes[0] / changes[1])
-
-
-def distance(one: FloatArray, other: FloatArray) -> float:
-    """Root mean square of the distances between points (P, 3) [m]."""
-    return float(np.sqrt(np.mean(np.sum((one - other) ** 2, axis=1))))
 
 
 def sampled(cloth: GridCloth, positions: FloatArray) -> FloatArray:

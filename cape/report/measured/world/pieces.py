@@ -10,7 +10,6 @@ from cape.cloth.fabric import Fabric
 from cape.report.measured.world import triangulations
 
 GRID = "grid"
-VARIANTS = (GRID, *triangulations.KINDS)
 
 # Rows: where a strip's length and width point to in the pattern, along weft and warp.
 PATTERN_OF: dict[str, NDArray[np.float64]] = {
