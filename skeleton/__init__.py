@@ -8,6 +8,7 @@ from skeleton.retargeting.retarget import Retargeted, retarget
 from skeleton.robot.collision_geometry import add_to_geometry_model
 from skeleton.robot.configurations import column_names, load_configurations
 from skeleton.robot.hitboxes import Hitboxes, hitboxes_of, load_hitboxes
+from skeleton.robot.kept_fits import kept_hitboxes_of
 from skeleton.robot.link_surfaces import LinkSurface, link_surfaces
 from skeleton.robot_motion import RobotMotion
 from skeleton.shapes import Capsule
@@ -27,6 +28,7 @@ __all__ = [
     "check_motion",
     "column_names",
     "hitboxes_of",
+    "kept_hitboxes_of",
     "link_surfaces",
     "load_configurations",
     "load_hitboxes",

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from cape.cli.reading import MOST_FPS, Reading
+from cape.kernels import store
 from motions.errors import FileError, UserError
 from skeleton import (
     BoneTrack,
@@ -11,6 +12,7 @@ from skeleton import (
     Retargeted,
     Skeleton,
     hitboxes_of,
+    kept_hitboxes_of,
     link_surfaces,
     load_hitboxes,
     retarget,
@@ -105,7 +107,9 @@ def find_hitboxes(body: Skeleton, asked: str) -> Hitboxes:
     if asked in FITTED:
         if not body.is_robot:
             raise UserError(f"--hitboxes {asked} needs a robot, whose links have surfaces: name it by --skeleton")
-        return hitboxes_of(body, which="all" if asked == "all" else "limbs")
+        which = "all" if asked == "all" else "limbs"
+        place = store.folder()
+        return hitboxes_of(body, which=which) if place is None else kept_hitboxes_of(body, place, which=which)
     if asked.lower().endswith(".toml"):
         return load_hitboxes(asked, body)
     ways = ", ".join((*FITTED, BY_PROPORTIONS))

@@ -17,13 +17,13 @@ from hypothesis import strategies as st
 from motions import quaternions
 from motions.errors import FileError, UnknownNameError, ValueRangeError
 from skeleton import ROBOTS, Capsule, Hitboxes, Skeleton, add_to_geometry_model, hitboxes_of, load_hitboxes
-from skeleton.robot import links
 from skeleton.robot.hitboxes import INSIDE
 from skeleton.robot.link_surfaces import Kind, LinkSurface, geometry_model, link_surfaces
 from skeleton.robot.links import in_neutral_pose
 from skeleton.robot.solid_files import read_solids
 from skeleton.shapes import Box, Cylinder, Ellipsoid, Plane, Shape, Sphere, TaperedCapsule
 from skeleton.solid_measures import signed_distance, volume
+from tests.skeleton.robots import fitted_hitboxes, urdf_of
 
 QUANTILE = 0.98
 ROUNDING = 1e-9  # m
@@ -45,9 +45,7 @@ def surfaces_of(robot: str, kind: Kind) -> tuple[LinkSurface, ...]:
 @cache
 def fitted(robot: str) -> Hitboxes:
     """Plain capsules, but for romeo, which has tapered ones, too."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(links, "link_surfaces", lambda _, kind: surfaces_of(robot, kind))  # to read each mesh once
-        return hitboxes_of(body_of(robot), kind=None if robot == "romeo" else "capsule")
+    return fitted_hitboxes(body_of(robot), kind=None if robot == "romeo" else "capsule")
 
 
 def named(hitboxes: Hitboxes) -> dict[str, Shape]:
@@ -244,20 +242,6 @@ def test_solids_of_the_file_are_taken_as_they_are(tmp_path: Path):
     assert isinstance(arm, Capsule)
     # A cylinder of 0.1 m by 0.5 m, of which caps of a capsule could cut only the rims.
     assert 0.095 < arm.radius < 0.115
-
-
-def urdf_of(folder: Path, base: list[str]) -> Path:
-    """A robot of two links: a base of some shapes, and an arm that is a cylinder."""
-    shapes = "".join(f"<collision><geometry>{shape}</geometry></collision>" for shape in base)
-    inertia = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
-    path = folder / "robot.urdf"
-    path.write_text(
-        f'<robot name="two"><link name="base">{inertia}{shapes}</link><link name="arm">{inertia}<collision><geometry>'
-        '<cylinder radius="0.1" length="0.5"/></geometry></collision></link><joint name="hinge" type="revolute">'
-        '<parent link="base"/><child link="arm"/><origin xyz="0 0 1"/><axis xyz="0 1 0"/>'
-        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
-    )
-    return path
 
 
 # -- files --

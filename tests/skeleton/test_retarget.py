@@ -18,7 +18,7 @@ from hypothesis.extra import numpy as hnp
 
 import motions
 from motions import Clip, UnknownNameError, UserError, ValueRangeError, quaternions
-from skeleton import Hitboxes, Skeleton, hitboxes_of, retarget
+from skeleton import Hitboxes, Skeleton, retarget
 from skeleton.checks.crossings import crossings
 from skeleton.placed_solids import as_capsules
 from skeleton.retargeting import foot_contacts
@@ -27,6 +27,7 @@ from skeleton.retargeting.inverse_kinematics import FASTEST, Followed
 from skeleton.retargeting.retarget import _lifted
 from skeleton.retargeting.scaled_source import bent_joint
 from skeleton.robot.link_surfaces import link_surfaces
+from tests.skeleton.robots import fitted_hitboxes
 
 SIDES = ("left", "right")
 NEAR = 0.05
@@ -40,7 +41,7 @@ def robot(name: str) -> Skeleton:
 
 @cache
 def hitboxes(name: str) -> Hitboxes:
-    return hitboxes_of(robot(name))
+    return fitted_hitboxes(robot(name))
 
 
 @cache
