@@ -1,5 +1,7 @@
 """Putting a cape on: where the wearer's frame is, and what holds the neckline."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -158,9 +160,17 @@ def _lift(scene: Scene, pose: Pose, neckline: FloatArray) -> FloatArray:
 
 def _touches(scene: Scene, pose: Pose, points: FloatArray) -> bool:
     """Tell whether one of the points in the world [m], shape (n, 3), is within the scene's thickness of a collider."""
+    return any((distances < scene.thickness).any() for distances in _distances(scene, pose, points))
+
+
+def depth_in_colliders(scene: Scene, pose: Pose, points: FloatArray) -> float:
+    """How deep the deepest of some points in the world [m], shape (n, 3), is in any collider [m], zero outside."""
+    return max((0.0, *(-float(distances.min()) for distances in _distances(scene, pose, points))))
+
+
+def _distances(scene: Scene, pose: Pose, points: FloatArray) -> Iterator[FloatArray]:
+    """Of points in the world [m], shape (n, 3), from each collider [m], negative within, shape (n,)."""
     for collider in scene.colliders:
         bone = len(scene.bones) if collider.bone is None else scene.bones.index(collider.bone)
         in_bone = (points - pose.positions[bone]) @ quaternions.to_matrix(pose.rotations_wxyz[bone])
-        if (signed_distance(collider, in_bone) < scene.thickness).any():
-            return True
-    return False
+        yield signed_distance(collider, in_bone)

@@ -67,6 +67,7 @@ class Take:
         left_out: why colliders were left out of the run, by name.
         contacts: of the vertices that no bone holds with all colliders, at the end of each frame; None if not noted.
         jumps: frames at which the bones had jumped and the cloth was carried along or put on anew.
+        renewed: those of the jumps at which it was put on anew.
         step_errors: what the time step has cost in accuracy, where that was measured, part by part of the motion.
         result: "finished", "finished with warnings", "diverged at frame N", or "stopped at frame N" by the user.
         warnings: what to look at, a sentence each.
@@ -93,6 +94,7 @@ class Take:
     left_out: Mapping[str, str] = field(default_factory=dict)
     contacts: ContactPoints | None = None
     jumps: tuple[int, ...] = ()
+    renewed: tuple[int, ...] = ()
     step_errors: tuple[StepError, ...] = ()
     result: str = "finished"
     warnings: tuple[str, ...] = field(default=())

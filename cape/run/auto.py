@@ -326,13 +326,13 @@ class AutoSimulation(Simulation):
         return StepError(self._time, rms, solver.name, part.frames[-1][1], part.seconds, math.log2(growth))
 
     def _taken(self) -> Taken:
-        counts = (self.substeps, self.retried, self.refined, self.unconverged, self.jumps)
+        counts = (self.substeps, self.retried, self.refined, self.unconverged, self.jumps, self.renewed)
         return Taken(self._started.frame(), self.solver, counts)
 
     def _go_to(self, taken: Taken) -> None:
         """Be where a frame ended; steps stay as they were changed since."""
         self._started.go_back_to(taken.frame)
-        self.substeps, self.retried, self.refined, self.unconverged, self.jumps = taken.counts
+        self.substeps, self.retried, self.refined, self.unconverged, self.jumps, self.renewed = taken.counts
 
     def _choose(self, bones: Bones) -> None:
         """Choose for a cloth that hangs from bones at a pose."""

@@ -41,6 +41,7 @@ class Frames:
         self._positions: list[NDArray[np.float32]] = []
         self._readings = []
         self._jumps: list[int] = []
+        self._renewed: list[int] = []
         self._solve_s = 0.0
         self._checks = ScheduledWatch(simulation, schedule(scene, track.times)) if check_steps else None
         self._keep(0)
@@ -64,6 +65,8 @@ class Frames:
             self._checks.note(pose, dt)
         if self._simulation.jumps > len(self._jumps):
             self._jumps.append(frame)
+        if self._simulation.renewed > len(self._renewed):
+            self._renewed.append(frame)
         self._keep(frame)
 
     def take(self, name: str, times: Times, reach: Reach | None) -> Take:
@@ -92,6 +95,7 @@ class Frames:
             left_out={} if reach is None else reach.left_out,
             contacts=ContactPoints.joined([r.contacts for r in readings]),
             jumps=tuple(frame for frame in self._jumps if frame < frames),
+            renewed=tuple(frame for frame in self._renewed if frame < frames),
             step_errors=self._errors,
         )
 

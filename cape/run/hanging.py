@@ -33,6 +33,7 @@ FASTEST = 1e4  # m/s; beyond it a step has exploded, long before numbers overflo
 FARTHEST_LEAP = 1e6  # m from the cloth's own origin; the same
 FARTHEST = 1.0  # m from the cloth's middle to the origin that its positions refer to
 WILD = 60.0  # m/s: faster than cloth gets on a body, and a sign that strained springs are too stiff for the step
+PARTED = 0.1  # of the way from the middle of all held points to the farthest: beyond it, bones pose otherwise
 STRAINED = 0.2  # from which on springs resist across their direction, too, as much as matters for the step
 
 
@@ -241,6 +242,24 @@ class Hanging:
         if held is not None and place.hold is not None:
             held.points[:], held.lift[:], held.drift[:] = place.hold
         self.look()
+
+    def can_be_carried(self, pose: Pose) -> bool:
+        """Tell whether the cloth, carried to where the bones have jumped, would go on as it was.
+
+        That is: what bones hold has not parted, and no vertex is in a limb deeper than cloth is stopped before one, or
+        than it was before; limbs that had to throw it out would tear at it.
+        """
+        attached, scene = self.assembly.attached, self.assembly.scene
+        if attached is None:
+            return True
+        before, after = (putting_on.held_points(attached, each) for each in (self.pose, pose))
+        rotation, shift = rigid_motion(before, after)
+        parted = np.linalg.norm(before @ rotation.T + shift - after, axis=1).max()
+        if parted > PARTED * np.linalg.norm(before - before.mean(axis=0), axis=1).max():
+            return False
+        places = np.stack(self.state[:3], axis=1)[self.assembly.inverse_mass > 0.0].astype(float)
+        allowed = max(scene.thickness, putting_on.depth_in_colliders(scene, self.pose, places))
+        return putting_on.depth_in_colliders(scene, pose, places @ rotation.T + shift) <= allowed
 
     def carry(self, pose: Pose) -> None:
         """Move the cloth as a whole to where the bones have jumped, to a pose about `origin`."""

@@ -66,7 +66,15 @@ def _on_jumps(take: Take, cuts: Cuts | None) -> list[str]:
     ]
     named = ", ".join(f"{frame} ({way:.2f} m)" for frame, way in zip(take.jumps[:NAMED_JUMPS], ways, strict=False))
     more = f" and {len(ways) - NAMED_JUMPS} more" if len(ways) > NAMED_JUMPS else ""
-    done = "carried along as a whole" if cuts.then == "carry" else "put on anew"
+    anew = len(take.renewed)
+    if anew == 0:
+        done = "carried along as a whole"
+    elif anew == len(take.jumps):
+        done = "put on anew"
+    else:
+        done = (
+            f"put on anew {anew} times, where limbs would have been in it or what holds it parted, else carried along"
+        )
     return [f"the bones jump at frame {named}{more}: the cape was {done}"]
 
 

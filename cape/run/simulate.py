@@ -82,7 +82,7 @@ def simulate(
     started = time.perf_counter()
     simulation.compile(first_pose, measured=scene)
     compiled = time.perf_counter()
-    velocity, spin = _first_motion(scene, track)
+    velocity, spin = _first_motion(scene, track, cuts)
     simulation.start(first_pose, settle=settle, velocity=velocity, spin=spin)
     times = Times(compiled - started, time.perf_counter() - compiled)
     forewarn(simulation, np.diff(track.times))
@@ -136,10 +136,13 @@ def _simulation_of(
     return AutoSimulation(scene, solver, threads=threads, cuts=cuts)
 
 
-def _first_motion(scene: Scene, track: BoneTrack) -> tuple[FloatArray, FloatArray]:
-    """Mean velocity [m/s] and spin [rad/s] at the start of the bones that hold the cloth, each of shape (3,)."""
+def _first_motion(scene: Scene, track: BoneTrack, cuts: Cuts | None) -> tuple[FloatArray, FloatArray]:
+    """Mean velocity [m/s] and spin [rad/s] at the start of the bones that hold the cloth, each of shape (3,).
+
+    None where the bones jump away from the first frame.
+    """
     held = [track.index(a.bone) for a in scene.attachments]
-    if not held:
+    if not held or (cuts is not None and cuts.frames(track.first(2), (a.bone for a in scene.attachments))):
         return np.zeros(3), np.zeros(3)
     step = track.times[1] - track.times[0]
     velocity = (track.positions[1, held] - track.positions[0, held]).mean(axis=0) / step

@@ -69,6 +69,7 @@ class Simulation:
         unconverged: frames that did not converge in shorter steps either.
         cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
         jumps: frames in which the bones have jumped.
+        renewed: those of them in which the cloth was put on anew.
         ledger: where the energy is accounted for, None for nowhere.
     """
 
@@ -103,7 +104,7 @@ class Simulation:
         self.refined = 0
         self.unconverged = 0
         self.cuts = cuts
-        self.jumps = 0
+        self.jumps = self.renewed = 0
         self.ledger = ledger
         self._cloth: Hanging | None = None
 
@@ -160,7 +161,7 @@ class Simulation:
             Diverged: the cloth explodes while it settles.
         """
         moving, turning = _vector(velocity, "velocity"), _vector(spin, "spin")
-        self.substeps = self.retried = self.refined = self.unconverged = self.jumps = 0
+        self.substeps = self.retried = self.refined = self.unconverged = self.jumps = self.renewed = 0
         self._put_on(read_pose(bones, self.bones), settle, moving, turning)
         self._open_ledger()
 
@@ -183,7 +184,7 @@ class Simulation:
         """
         if snapshot.scene is not self.scene:
             raise ValueRangeError("a simulation starts from a snapshot of its own scene only")
-        self.substeps = self.retried = self.refined = self.unconverged = self.jumps = 0
+        self.substeps = self.retried = self.refined = self.unconverged = self.jumps = self.renewed = 0
         cloth = self._cloth or self._put_on(snapshot.first_pose, 0.0)
         cloth.go_to(snapshot.place)
         self._open_ledger()
@@ -302,8 +303,10 @@ class Simulation:
     def _jump(self, pose: Pose, cuts: Cuts) -> Hanging:
         """Carry the cloth along to where the bones have jumped, or put it on anew there."""
         cloth = self._started
-        if cuts.then == "reset":
-            if self.scene.cloth.frame == "wearer":
+        worn = self.scene.cloth.frame == "wearer"
+        if cuts.then == "reset" or (worn and not cloth.can_be_carried(pose.moved(-cloth.origin))):
+            self.renewed += 1
+            if worn:
                 return self._put_on(pose, None)
             # A cloth that started in the world did so where the first pose of its bones was.
             cloth = self._put_on(self._first_pose, None)

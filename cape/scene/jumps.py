@@ -22,7 +22,8 @@ class Cuts:
     Attributes:
         speed: of a bone's origin [m/s] from which on it has jumped; hands and feet stay below 30 m/s.
         spin: of a bone that holds the cloth [rad/s] from which on it has jumped.
-        then: "carry" moves the cloth along as a whole, shape and speeds kept; "reset" puts it on anew.
+        then: "carry" moves the cloth along as a whole, shape and speeds kept, and a garment for which there would be a
+            limb in the way, or whose wearer holds it otherwise, is put on anew; "reset" always does that.
 
     Raises:
         ValueRangeError: a limit is not positive.

@@ -151,6 +151,7 @@ def _facts(take: Take, scene: Scene, bones: int, notes: list[str], path: Path) -
         "self_contact_mm": None if scene.self_contact is None else round(1000.0 * contact_thickness(scene), 3),
         "left_out": dict(take.left_out),
         "jumps": list(take.jumps),
+        "put_on_anew": list(take.renewed),
         "result": take.result,
         "warnings": notes,
         "output": str(path),
