@@ -1,9 +1,16 @@
 """Commands and their options; what they do stands in a module each."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from cape.cli.options import Hitboxes, Json, Layers, Output, Robot, Spawn, cut, gathered, motion
+
+if TYPE_CHECKING:
+    from cape.cli.commands.replay import Cut
+    from cape.cli.reading import Reading
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -12,89 +19,13 @@ app = typer.Typer(
     help="Hang a simulated cape on a moving character and record it for the Rerun viewer.",
 )
 
-CLIP_HELP = "A BVH file, the name of a shipped clip (cape clips lists them), or a robot's motion (CSV, NPZ)."
-Clip = Annotated[str, typer.Argument(help=CLIP_HELP)]
-Script = Annotated[
-    str | None,
-    typer.Option(
-        metavar="STEPS",
-        help='Clips to join, in place of CLIP; without a time one plays once: "idle 2s, walk 3s, kick".',
-    ),
-]
-Output = Annotated[Path | None, typer.Option("-o", "--output", help="The recording; by default CLIP.rrd, here.")]
-Unit = Annotated[str | None, typer.Option(help="Unit of the file: m, cm, mm, inch, cmu, or metres per unit.")]
-Up = Annotated[str | None, typer.Option(help="Axis of the file that points up: x, y, z, -x, -y or -z.")]
-Height = Annotated[float | None, typer.Option(help="Scale the body to this standing height [m].")]
-Attach = Annotated[
-    list[str] | None,
-    typer.Option("--attach", metavar="ROLE=BONE", help="Name the bone that plays a role by hand; may be repeated."),
-]
-Robot = Annotated[
-    str | None,
-    typer.Option("--skeleton", metavar="ROBOT", help="A robot that makes the motion: a URDF file, or a name like g1."),
-]
-Rate = Annotated[float | None, typer.Option(help="Frames per second of a robot's motion that tells none; 60 if unset.")]
-Packages = Annotated[
-    list[Path] | None, typer.Option(help="A folder with packages that a URDF file names; may be repeated.")
-]
-Hitboxes = Annotated[
-    str | None,
-    typer.Option(
-        "--hitboxes",
-        metavar="WHICH",
-        help="Of a robot: limbs (the default) or all, fitted to its meshes. Of anyone: body, by human proportions, "
-        "or a TOML file.",
-    ),
-]
-Layers = Annotated[str | None, typer.Option(help="Layers to record, separated by commas; by default all.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
-Spawn = Annotated[bool, typer.Option("--spawn", help="Open the recording in the Rerun viewer.")]
-Start = Annotated[float | None, typer.Option(help="Begin at this time of the clip [s].")]
-End = Annotated[float | None, typer.Option(help="End at this time of the clip [s].")]
-Fps = Annotated[float | None, typer.Option(help="Frames per second; by default the clip's own, 60 at most.")]
-
 
 @app.command()
+@gathered(reading=motion, cape=cut)
 def replay(
-    clip: Annotated[str | None, typer.Argument(help=CLIP_HELP, show_default="walk")] = None,
-    script: Script = None,
+    reading: "Reading",
+    cape: "Cut",
     output: Output = None,
-    robot: Robot = None,
-    garment: Annotated[str, typer.Option(help="What is worn (cape garments lists them).")] = "back_cape",
-    fabric: Annotated[str, typer.Option(help="Name of a fabric (cape fabrics lists them).")] = "cape",
-    spacing: Annotated[
-        float | None, typer.Option(help="Mean distance of the cloth's vertices [m]; by default for 1,500 of them.")
-    ] = None,
-    length: Annotated[float | None, typer.Option(help="Length of the cape [m]; by default to the shins.")] = None,
-    solver: Annotated[
-        str | None, typer.Option(help="euler (the default), xpbd, backward_euler, tr_bdf2, or auto to have one chosen.")
-    ] = None,
-    substeps: Annotated[int | None, typer.Option(help="Steps per frame; by default as many as needed.")] = None,
-    tolerance: Annotated[
-        float | None, typer.Option(help="Error that the time step may cause [mm]; chooses solver and steps.")
-    ] = None,
-    budget: Annotated[
-        float | None, typer.Option(help="Wall time that a frame may take [ms]; chooses the most accurate that fits.")
-    ] = None,
-    fps: Fps = None,
-    wind: Annotated[
-        tuple[float, float, float], typer.Option(metavar="X Y Z", help="Velocity of the air [m/s], Z up.")
-    ] = (0.0, 0.0, 0.0),
-    cuts: Annotated[
-        str,
-        typer.Option(help="Where the bones jump, carry the cape along or reset it; off takes jumps as motion."),
-    ] = "carry",
-    self_contact: Annotated[
-        bool, typer.Option("--self-contact", help="Keep the cape from passing through itself.")
-    ] = False,
-    unit: Unit = None,
-    up: Up = None,
-    height: Height = None,
-    start: Start = None,
-    end: End = None,
-    attach: Attach = None,
-    rate: Rate = None,
-    packages: Packages = None,
     hitboxes: Hitboxes = None,
     layers: Layers = None,
     check: Annotated[
@@ -107,40 +38,12 @@ def replay(
     spawn: Spawn = False,
     json: Json = False,
 ) -> int:
-    """Simulate a cape on a character that moves as the clip tells, and record it."""
-    from cape.cli.commands.replay import Cut, run
-    from cape.cli.reading import Reading
+    """Simulate a cape on a character that moves as the clip tells (walk, if none is given), and record it."""
+    from cape.cli.commands.replay import run
 
-    if clip is None and script is None:
-        clip = "walk"
     return run(
-        Reading(
-            clip,
-            unit=unit,
-            up=up,
-            height=height,
-            start=start,
-            end=end,
-            fps=fps,
-            attach=tuple(attach or ()),
-            script=script,
-            skeleton=robot,
-            rate=rate,
-            packages=tuple(packages or ()),
-        ),
-        Cut(
-            garment=garment,
-            fabric=fabric,
-            spacing=spacing,
-            length=length,
-            solver=solver,
-            substeps=substeps,
-            tolerance=tolerance,
-            budget=budget,
-            wind=wind,
-            cuts=cuts,
-            self_contact=self_contact,
-        ),
+        _or_walk(reading),
+        cape,
         output=output,
         hitboxes=hitboxes,
         layers=_split(layers),
@@ -151,20 +54,51 @@ def replay(
 
 
 @app.command()
+@gathered(reading=motion, cape=cut)
+def render(
+    reading: "Reading",
+    cape: "Cut",
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="A picture (.png, .jpg) or a film (.gif, .mp4); by default CLIP.png, here."
+        ),
+    ] = None,
+    view: Annotated[
+        str | None, typer.Option(help="Name of a view of the recording; by default the one that it opens with.")
+    ] = None,
+    at: Annotated[
+        list[float] | None,
+        typer.Option(help="Time of a picture [s], by default halfway; of several, pictures stand side by side."),
+    ] = None,
+    side: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--from",
+            metavar="SIDE",
+            help="Where to look from: front, back, left, right, or degrees around the character, 90 from its left; may "
+            "be repeated. By default as the recording opens.",
+        ),
+    ] = None,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Size of each picture [pixels].")] = "900x900",
+    film_fps: Annotated[float, typer.Option(help="Frames of a film per second.")] = 25.0,
+    hitboxes: Hitboxes = None,
+) -> int:
+    """Draw pictures or a film of a recording (.rrd), or of a clip that is replayed first, without a display.
+
+    Of a recording, --start and --end choose the part that is filmed.
+    """
+    from cape.cli.commands.render import Shots, run
+
+    shots = Shots.asked(view=view, times=at or [], sides=side or [], size=size, film_fps=film_fps)
+    return run(_or_walk(reading), cape, shots, output=output, hitboxes=hitboxes)
+
+
+@app.command()
+@gathered(reading=motion)
 def hitboxes(
-    clip: Annotated[str | None, typer.Argument(help=CLIP_HELP, show_default=False)] = None,
-    script: Script = None,
+    reading: "Reading",
     output: Output = None,
-    fps: Fps = None,
-    unit: Unit = None,
-    up: Up = None,
-    height: Height = None,
-    start: Start = None,
-    end: End = None,
-    attach: Attach = None,
-    robot: Robot = None,
-    rate: Rate = None,
-    packages: Packages = None,
     which: Hitboxes = None,
     write: Annotated[
         Path | None, typer.Option(help="Write the hitboxes to this TOML file, to be edited and used by --hitboxes.")
@@ -176,22 +110,7 @@ def hitboxes(
 ) -> int:
     """Record what the cape meets: named colliders, the shells of their thickness, and the contacts of each frame."""
     from cape.cli.commands.hitboxes import run
-    from cape.cli.reading import Reading
 
-    reading = Reading(
-        clip,
-        unit=unit,
-        up=up,
-        height=height,
-        start=start,
-        end=end,
-        fps=fps,
-        attach=tuple(attach or ()),
-        script=script,
-        skeleton=robot,
-        rate=rate,
-        packages=tuple(packages or ()),
-    )
     return run(reading, output=output, hitboxes=which, write=write, bare=bare, spawn=spawn)
 
 
@@ -220,36 +139,12 @@ def garments(json: Json = False) -> int:
 
 
 @app.command()
-def info(
-    clip: Annotated[
-        str | None, typer.Argument(help=CLIP_HELP + " A robot's name or URDF file tells of the robot.")
-    ] = None,
-    script: Script = None,
-    unit: Unit = None,
-    up: Up = None,
-    height: Height = None,
-    attach: Attach = None,
-    robot: Robot = None,
-    rate: Rate = None,
-    packages: Packages = None,
-    which: Hitboxes = None,
-    json: Json = False,
-) -> int:
-    """Tell what a motion or a robot holds: joints, roles, unit, what was decided while reading, what to look at."""
+@gathered(reading=motion, leave_out=("fps", "start", "end"))
+def info(reading: "Reading", which: Hitboxes = None, json: Json = False) -> int:
+    """Tell what a motion or a robot (by its name or URDF file, in place of CLIP) holds: joints, roles, unit, what was
+    decided while reading, what to look at."""
     from cape.cli.commands.info import run
-    from cape.cli.reading import Reading
 
-    reading = Reading(
-        clip,
-        unit=unit,
-        up=up,
-        height=height,
-        attach=tuple(attach or ()),
-        script=script,
-        skeleton=robot,
-        rate=rate,
-        packages=tuple(packages or ()),
-    )
     return run(reading, hitboxes=which, json=json)
 
 
@@ -300,6 +195,29 @@ def report(
     from cape.cli.commands.report import report as measure
 
     return measure(output=output, quick=quick, scenes=tuple(scene or ()), solvers=tuple(solver or ()), only=only)
+
+
+@app.command()
+def gallery(
+    output: Annotated[Path, typer.Option("-o", "--output", help="A folder for all files; made if needed.")] = Path(
+        "gallery"
+    ),
+    garment: Annotated[list[str] | None, typer.Option("--garment", help="Only this garment; may be repeated.")] = None,
+    fabric: Annotated[list[str] | None, typer.Option("--fabric", help="Only this fabric; may be repeated.")] = None,
+    clip: Annotated[
+        list[str] | None,
+        typer.Option("--clip", help="Move like this clip, in place of walk, run, spin; may be repeated."),
+    ] = None,
+    robot: Robot = None,
+) -> int:
+    """Draw every garment and every fabric in motion, from behind and from in front, on a page."""
+    from cape.cli.commands.gallery import run
+
+    return run(output, garments=garment or [], fabrics=fabric or [], clips=clip or [], robot=robot)
+
+
+def _or_walk(reading: "Reading") -> "Reading":
+    return replace(reading, clip="walk") if reading.clip is None and reading.script is None else reading
 
 
 def _split(layers: str | None) -> list[str] | None:

@@ -8,13 +8,13 @@ from pathlib import Path
 from motions.errors import FileError
 
 
-def output_path(asked: Path | None, name: str, suffix: str = "") -> Path:
-    """Where to write, by default the motion's name, checked before anything is simulated.
+def output_path(asked: Path | None, name: str, ending: str = ".rrd") -> Path:
+    """Where to write, by default the motion's name with that ending, checked before anything is simulated.
 
     Raises:
         FileError: the folder does not exist or can't be written, or the path is a folder.
     """
-    path = Path(f"{name}{suffix}.rrd") if asked is None else asked
+    path = Path(f"{name}{ending}") if asked is None else asked
     folder = path.resolve().parent
     if path.is_dir():
         raise FileError(f"can't write {path}: it is a directory")

@@ -24,7 +24,7 @@ def run(
 ) -> int:
     """Record the colliders, and how a cape meets them unless `bare`; gives the exit status."""
     who = read_character(reading, hitboxes=hitboxes)
-    path = output_path(output, who.name, "_hitboxes")
+    path = output_path(output, who.name, "_hitboxes.rrd")
     if write is not None:
         who.hitboxes.save(write)
     missing = [(name, f"left out: {reason}") for name, reason in who.hitboxes.left_out.items()]

@@ -65,6 +65,27 @@ class Cut:
         )
         return replace(scene, self_contact=SelfContact()) if self.self_contact else scene
 
+    def check(self) -> None:
+        """Look at all names and numbers that can be told wrong before a motion is read.
+
+        Raises:
+            UserError: one of them is; its text says which there are.
+        """
+        fabric(self.fabric)
+        registry.garment(self.garment)
+        self.method()
+        self.way_at_cuts()
+
+    def way_at_cuts(self) -> Cuts | None:
+        """What happens where the bones jump, None for nothing.
+
+        Raises:
+            UnknownNameError: there is no such way.
+        """
+        if self.cuts not in CUTS:
+            raise UnknownNameError("way to treat a cut", self.cuts, CUTS)
+        return CUTS[self.cuts]
+
     def method(self) -> Solver | Auto:
         """The solver, or what is asked of it, from millimetres and milliseconds.
 
@@ -94,15 +115,12 @@ def run(
     json: bool,
 ) -> int:
     """Simulate, record, report; gives the exit status."""
-    # These say which there are, before anything is read.
-    fabric(cut.fabric)
-    registry.garment(cut.garment)
-    method, cuts = cut.method(), _cuts(cut.cuts)
+    cut.check()
     check_layers(layers, LAYERS)
     who = read_character(reading, hitboxes=hitboxes)
     path = output_path(output, who.name)
     track, scene = who.track, cut.scene(who)
-    take = simulated(scene, who, solver=method, cuts=cuts, check_steps=check)
+    take = simulated(scene, who, solver=cut.method(), cuts=cut.way_at_cuts(), check_steps=check)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         take.save(path, layers=layers, surfaces=who.surfaces)
@@ -119,12 +137,6 @@ def run(
     if spawn:
         open_viewer(path)
     return 130 if take.result.startswith("stopped") else 0
-
-
-def _cuts(name: str) -> Cuts | None:
-    if name not in CUTS:
-        raise UnknownNameError("way to treat a cut", name, CUTS)
-    return CUTS[name]
 
 
 def _facts(take: Take, scene: Scene, bones: int, notes: list[str], path: Path) -> dict[str, Any]:

@@ -1,0 +1,164 @@
+"""Options that several commands share, and how those of one kind are gathered to what they describe."""
+
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from cape.cli.commands.replay import Cut
+    from cape.cli.reading import Reading
+
+CLIP_HELP = "A BVH file, the name of a shipped clip (cape clips lists them), or a robot's motion (CSV, NPZ)."
+Clip = Annotated[str | None, typer.Argument(help=CLIP_HELP, show_default=False)]
+Script = Annotated[
+    str | None,
+    typer.Option(
+        metavar="STEPS",
+        help='Clips to join, in place of CLIP; without a time one plays once: "idle 2s, walk 3s, kick".',
+    ),
+]
+Output = Annotated[Path | None, typer.Option("-o", "--output", help="The recording; by default CLIP.rrd, here.")]
+Unit = Annotated[str | None, typer.Option(help="Unit of the file: m, cm, mm, inch, cmu, or metres per unit.")]
+Up = Annotated[str | None, typer.Option(help="Axis of the file that points up: x, y, z, -x, -y or -z.")]
+Height = Annotated[float | None, typer.Option(help="Scale the body to this standing height [m].")]
+Attach = Annotated[
+    list[str] | None,
+    typer.Option("--attach", metavar="ROLE=BONE", help="Name the bone that plays a role by hand; may be repeated."),
+]
+Robot = Annotated[
+    str | None,
+    typer.Option("--skeleton", metavar="ROBOT", help="A robot that makes the motion: a URDF file, or a name like g1."),
+]
+Rate = Annotated[float | None, typer.Option(help="Frames per second of a robot's motion that tells none; 60 if unset.")]
+Packages = Annotated[
+    list[Path] | None, typer.Option(help="A folder with packages that a URDF file names; may be repeated.")
+]
+Hitboxes = Annotated[
+    str | None,
+    typer.Option(
+        "--hitboxes",
+        metavar="WHICH",
+        help="Of a robot: limbs (the default) or all, fitted to its meshes. Of anyone: body, by human proportions, "
+        "or a TOML file.",
+    ),
+]
+Layers = Annotated[str | None, typer.Option(help="Layers to record, separated by commas; by default all.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
+Spawn = Annotated[bool, typer.Option("--spawn", help="Open the recording in the Rerun viewer.")]
+Start = Annotated[float | None, typer.Option(help="Begin at this time of the clip [s].")]
+End = Annotated[float | None, typer.Option(help="End at this time of the clip [s].")]
+Fps = Annotated[float | None, typer.Option(help="Frames per second; by default the clip's own, 60 at most.")]
+
+
+def gathered(
+    *, leave_out: tuple[str, ...] = (), **kinds: Callable[..., Any]
+) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Give a command all options of some kinds; it gets what each kind makes of its own.
+
+    Args:
+        leave_out: options of these kinds that the command has no use for.
+        kinds: by the name of the command's parameter what takes the options and gives its value.
+    """
+
+    def decorate(command: Callable[..., int]) -> Callable[..., int]:
+        parameters: list[inspect.Parameter] = []
+        of_kind: dict[str, list[str]] = {}
+        for own in inspect.signature(command).parameters.values():
+            taken = [own]
+            if own.name in kinds:
+                taken = [p for p in inspect.signature(kinds[own.name]).parameters.values() if p.name not in leave_out]
+                of_kind[own.name] = [p.name for p in taken]
+            parameters += [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in taken]
+
+        def run(**given: Any) -> int:
+            made = {name: kinds[name](**{own: given.pop(own) for own in names}) for name, names in of_kind.items()}
+            return command(**made, **given)
+
+        run.__name__, run.__doc__ = command.__name__, command.__doc__
+        run.__annotations__ = {p.name: p.annotation for p in parameters} | {"return": int}
+        run.__signature__ = inspect.Signature(parameters)  # pyright: ignore[reportFunctionMemberAccess]
+        return run
+
+    return decorate
+
+
+def motion(
+    clip: Clip = None,
+    script: Script = None,
+    robot: Robot = None,
+    fps: Fps = None,
+    unit: Unit = None,
+    up: Up = None,
+    height: Height = None,
+    start: Start = None,
+    end: End = None,
+    attach: Attach = None,
+    rate: Rate = None,
+    packages: Packages = None,
+) -> "Reading":
+    """The motion, who makes it, and how to read both."""
+    from cape.cli.reading import Reading
+
+    return Reading(
+        clip,
+        unit=unit,
+        up=up,
+        height=height,
+        start=start,
+        end=end,
+        fps=fps,
+        attach=tuple(attach or ()),
+        script=script,
+        skeleton=robot,
+        rate=rate,
+        packages=tuple(packages or ()),
+    )
+
+
+def cut(
+    garment: Annotated[str, typer.Option(help="What is worn (cape garments lists them).")] = "back_cape",
+    fabric: Annotated[str, typer.Option(help="Name of a fabric (cape fabrics lists them).")] = "cape",
+    spacing: Annotated[
+        float | None, typer.Option(help="Mean distance of the cloth's vertices [m]; by default for 1,500 of them.")
+    ] = None,
+    length: Annotated[float | None, typer.Option(help="Length of the cape [m]; by default to the shins.")] = None,
+    solver: Annotated[
+        str | None, typer.Option(help="euler (the default), xpbd, backward_euler, tr_bdf2, or auto to have one chosen.")
+    ] = None,
+    substeps: Annotated[int | None, typer.Option(help="Steps per frame; by default as many as needed.")] = None,
+    tolerance: Annotated[
+        float | None, typer.Option(help="Error that the time step may cause [mm]; chooses solver and steps.")
+    ] = None,
+    budget: Annotated[
+        float | None, typer.Option(help="Wall time that a frame may take [ms]; chooses the most accurate that fits.")
+    ] = None,
+    wind: Annotated[
+        tuple[float, float, float], typer.Option(metavar="X Y Z", help="Velocity of the air [m/s], Z up.")
+    ] = (0.0, 0.0, 0.0),
+    cuts: Annotated[
+        str,
+        typer.Option(help="Where the bones jump, carry the cape along or reset it; off takes jumps as motion."),
+    ] = "carry",
+    self_contact: Annotated[
+        bool, typer.Option("--self-contact", help="Keep the cape from passing through itself.")
+    ] = False,
+) -> "Cut":
+    """The cape and how to simulate it."""
+    from cape.cli.commands.replay import Cut
+
+    return Cut(
+        garment=garment,
+        fabric=fabric,
+        spacing=spacing,
+        length=length,
+        solver=solver,
+        substeps=substeps,
+        tolerance=tolerance,
+        budget=budget,
+        wind=wind,
+        cuts=cuts,
+        self_contact=self_contact,
+    )
