@@ -25,6 +25,7 @@ Answer = TypeVar("Answer")
 
 LOOPBACK = "127.0.0.1"
 STARTING, LOADING, ENDING = 60.0, 120.0, 5.0  # [s] to wait for the viewer
+MOST_TRIES = 20  # of a picture, until it doesn't change
 MARGINS = (16, 120)  # [pixels] of the window around a view that fills it, or more: bars above and below
 NO_GRAPHICS = (
     "pictures need a Vulkan driver, and there is none: apt-get install mesa-vulkan-drivers (Debian, Ubuntu) or "
@@ -61,20 +62,20 @@ def viewer(size: tuple[int, int]) -> Iterator[Viewer]:
 
 
 class Viewer:
-    """A running viewer, which shows one recording at a time."""
+    """A running viewer for one recording: a second one would be shown in the layout of the first."""
 
     def __init__(self, client: ViewerClient, size: tuple[int, int]):
         """Made by `viewer`."""
         self._client = client
         self._size = size
-        self._store = ""
         self._layout: dict[str, Any] = {}
         self._shown = ""
+        self._settled = False
         self.views: dict[str, str] = {}
         self.begin = self.end = 0.0
 
     def open(self, recording: str | os.PathLike[str]) -> None:
-        """Show a recording in place of the one before, in the layout that it brings along.
+        """Show a recording, in the layout that it brings along.
 
         Sets `views`, the ids of its views by their names, those that show the world first, and `begin` and `end`, its
         times [s].
@@ -85,14 +86,10 @@ class Viewer:
         path = Path(recording).resolve()
         if not path.is_file():
             raise FileError(f"can't read {recording}: there is no such file")
-        if self._store:
-            self._ask(lambda client: client.close(store_ids=[self._store]))
-            self._store = ""
         opened = self._ask(lambda client: client.open(str(path)))
         if not opened.store_ids and not opened.loading:
             raise FileError(f"can't read {recording}: it is no recording of Rerun's")
         state = self._loaded(recording)
-        self._store = state.active_recording
         # The active tab comes first: the viewer lists views by their ids, which mean nothing.
         self._layout = self._ask(lambda client: client.get_blueprint()).blueprint
         tabs = [tab for part in self._layout.values() if (tab := part.get("ContainerBlueprint", {}).get("active_tab"))]
@@ -126,6 +123,7 @@ class Viewer:
         if side is not None:
             layout = look_from(layout, self._shown, side)
         self._ask(lambda client: client.set_blueprint(layout, of="recording"))
+        self._settled = False
 
     def picture(self, seconds: float) -> Image:
         """What the chosen view shows at a time of the recording [s], in RGB and the viewer's size.
@@ -141,8 +139,15 @@ class Viewer:
                 f"{seconds:g} s is outside of the recording, which goes from {self.begin:g} to {self.end:g} s"
             )
         self._ask(lambda client: client.set_time("time", duration=seconds, play_state="paused"))
-        drawn = Image.open(BytesIO(self._ask(lambda client: client.take_screenshot(self._shown))))
-        return ImageOps.fit(drawn.convert("RGB"), self._size)
+        drawn, tries = self._drawn(), 1
+        # Just after a view was chosen it may lack what the viewer is still to load or to lay out.
+        while not self._settled and tries < MOST_TRIES:
+            before, drawn, tries = drawn, self._drawn(), tries + 1
+            self._settled = drawn == before
+        return ImageOps.fit(Image.open(BytesIO(drawn)).convert("RGB"), self._size)
+
+    def _drawn(self) -> bytes:
+        return self._ask(lambda client: client.take_screenshot(self._shown))
 
     def _loaded(self, recording: str | os.PathLike[str]) -> Any:
         """The viewer's state once the recording is there."""

@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 from cape.record.solids import labelled, plane_paths
-from cape.record.stage import BACKGROUND
+from cape.record.stage import BACKGROUND, DARK_BACKGROUND, darkened_floor
 from cape.record.surfaces.textures import albedo, plain
 from cape.scene.colliders import Collider
 
@@ -21,8 +21,8 @@ EYE = (-1.27, -0.78, 0.31)
 EYE_TARGET = (0.0, 0.0, 0.0)
 SEE_THROUGH = 110  # opacity of 255 of a cape that hides contacts
 LINING_COLOR = (58, 66, 104)
-BODY_COLOR = (172, 170, 168)
-BODY_LINE_COLOR = (120, 119, 118)  # darker, as lines are not lit
+BODY_COLOR = (128, 134, 144)
+BODY_LINE_COLOR = (98, 102, 110)  # darker, as lines are not lit
 
 
 def layout(
@@ -72,14 +72,14 @@ def _scene(
 
     debugging = [layer for layer in ("hitboxes", "shells", "contacts") if layer in layers]
     if "cape" not in layers:
-        return _view("hitboxes" if debugging else "scene", height, overrides=labelled(colliders))
+        return _view("hitboxes" if debugging else "scene", height, overrides=labelled(colliders), dark=bool(debugging))
     if not debugging:
         return _view("cape", height, overrides=_two_sided(cloths))
     hidden = ["/world/shells", "/world/contacts", *plane_paths(colliders)]
     body = _unseen("/world/hitboxes", "/world/colliders", "/world/skeleton") if "robot" in layers else _mannequin()
     return rrb.Tabs(
         _view("cape", height, overrides=_two_sided(cloths) | body, hidden=hidden),
-        _view("hitboxes", height, overrides=labelled(colliders) | _two_sided(cloths, SEE_THROUGH)),
+        _view("hitboxes", height, overrides=labelled(colliders) | _two_sided(cloths, SEE_THROUGH), dark=True),
         active_tab=tab,
     )
 
@@ -111,15 +111,17 @@ def _unseen(*paths: str) -> Overrides:
     return {path: [rrb.EntityBehavior(visible=False)] for path in paths}
 
 
-def _view(name: str, height: float, *, overrides: Overrides, hidden: Sequence[str] = ()) -> rrb.View:
+def _view(
+    name: str, height: float, *, overrides: Overrides, hidden: Sequence[str] = (), dark: bool = False
+) -> rrb.View:
     import rerun.blueprint as rrb
 
     return rrb.Spatial3DView(
         origin="/world/character",
         contents=["+ /world/**", *(f"- {path}/**" for path in hidden)],
         name=name,
-        overrides=overrides,
-        background=BACKGROUND,
+        overrides=overrides | darkened_floor() if dark else overrides,
+        background=DARK_BACKGROUND if dark else BACKGROUND,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
             position=[height * part for part in EYE], look_target=[height * part for part in EYE_TARGET]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from cape.record.layers import drawn_links
 from cape.scene.colliders import Collider, Plane
 from cape.scene.floor import floor_under
 from motions import quaternions
+from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
 
 if TYPE_CHECKING:
@@ -24,8 +25,9 @@ SMOOTHING = 1.0  # [s], about a stride: the camera glides instead of bobbing wit
 TILE = 0.5  # [m]
 MARGIN = 6.0  # [m] of ground around the path
 MOST_TILES = 200  # along a side of the path's bounds; beyond it the tiles grow
-BACKGROUND = (30, 33, 40)
-TILE_COLORS = ((66, 71, 82), (84, 90, 103))
+BACKGROUND = (216, 206, 192)  # bright and warm: red cloth and dark robots stand out alike
+DARK_BACKGROUND = (30, 33, 40)  # for what is translucent, or tells by its colour
+TILE_COLORS = ((172, 158, 141), (190, 177, 160))
 
 
 def log_character(stream: rr.RecordingStream, bones: BoneTrack, frames: Frames) -> None:
@@ -79,6 +81,23 @@ def skeleton_height(bones: BoneTrack, frames: Frames) -> float:
     return float(np.median(np.ptp(heights, axis=1))) or 1.0
 
 
+def figure_height(bones: BoneTrack, frames: Frames, surfaces: Sequence[LinkSurface] = ()) -> float:
+    """Height of what there is to see [m]: of the skeleton, or of the meshes that it carries in the first frame."""
+    carried = [surface for surface in surfaces if surface.bone is not None]
+    if not carried:
+        return skeleton_height(bones, frames)
+    first = frames.numbers[0]
+    places = [bones.index(surface.bone) for surface in carried if surface.bone is not None]
+    heights = np.concatenate(
+        [
+            quaternions.rotate(bones.rotations_wxyz[first, place], surface.vertices)[:, 2]
+            + bones.positions[first, place, 2]
+            for place, surface in zip(places, carried, strict=True)
+        ]
+    )
+    return max(skeleton_height(bones, frames), float(np.ptp(heights)))
+
+
 def log_floor(stream: rr.RecordingStream, bones: BoneTrack, colliders: Sequence[Collider], frames: Frames) -> None:
     """Put a chequered ground on `/world/floor`: the first plane that stands still, or else under the body's feet."""
     import rerun as rr
@@ -90,6 +109,26 @@ def log_floor(stream: rr.RecordingStream, bones: BoneTrack, colliders: Sequence[
     # Without normals a mesh isn't lit, so that the ground's rim is exactly the background's colour.
     floor = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, vertex_colors=colors)
     send_once(stream, "/world/floor", floor)
+
+
+def darkened_floor() -> dict[Any, Any]:
+    """Overrides of a layout that draw the floor on the dark background: its rim stays exactly that colour."""
+    import rerun as rr
+
+    # Colours are multiplied as light, not as the numbers of sRGB.
+    light, dark = (_linear(np.array(color) / 255.0) for color in (BACKGROUND, DARK_BACKGROUND))
+    factor = (*(np.rint(255.0 * _srgb(dark / light)).astype(int)), 255)
+    return {"/world/floor": [rr.Mesh3D.from_fields(albedo_factor=factor).visualizer()]}
+
+
+def _linear(srgb: FloatArray) -> FloatArray:
+    """Light of sRGB values, both 0 to 1, by IEC 61966-2-1."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def _srgb(linear: FloatArray) -> FloatArray:
+    """The inverse of `_linear`."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def ground(positions: FloatArray, plane: Plane) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.uint8]]:

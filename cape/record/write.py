@@ -15,7 +15,7 @@ from cape.record.frames import Frames
 from cape.record.layers import check_layers, log_cape, log_plots, log_skeleton
 from cape.record.robot import log_robot
 from cape.record.solids import log_hitboxes, log_shells
-from cape.record.stage import log_character, log_floor, skeleton_height
+from cape.record.stage import figure_height, log_character, log_floor
 from cape.record.worn import worn_of
 from cape.results.take import Take
 from cape.scene.colliders import Collider
@@ -60,7 +60,7 @@ def save(
     size = OVERHEAD + (2 * worn.positions.nbytes if "cape" in asked else 0)
     if "contacts" in asked:
         size += BYTES_PER_CONTACT * sum(len(one.contacts.points) for one in worn.takes if one.contacts is not None)
-    height = skeleton_height(worn.bones, frames)
+    height = figure_height(worn.bones, frames, surfaces if "robot" in asked else ())
     blueprint = layout(asked, height, worn.colliders, tab=tab, cloths=[cloth.path for cloth in worn.cloths])
     # The viewer keeps a layout for each application.
     application = " ".join(["cape"] + ([tab] if tab != "cape" else []) + (["cloths"] if len(worn.takes) > 1 else []))
@@ -115,7 +115,7 @@ def save_hitboxes(
     """
     asked = _with_surfaces(check_layers(layers, BODY_LAYERS), surfaces)
     frames = _finite_frames(name, bones)
-    blueprint = layout(asked, skeleton_height(bones, frames), colliders, tab="hitboxes")
+    blueprint = layout(asked, figure_height(bones, frames, surfaces), colliders, tab="hitboxes")
     with recording_file(path, application="cape hitboxes", name=name, blueprint=blueprint, size=OVERHEAD) as stream:
         log_character(stream, bones, frames)
         if "robot" in asked:

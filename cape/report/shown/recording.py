@@ -13,7 +13,7 @@ from cape.bench.plot import COLOURS, NAMES
 from cape.record.file import recording_file
 from cape.record.frames import Frames, send_once
 from cape.record.solids import log_hitboxes, plane_paths
-from cape.record.stage import BACKGROUND, log_character
+from cape.record.stage import DARK_BACKGROUND, log_character
 from cape.record.surfaces.normals import vertex_normals
 from cape.report.measured.accuracy import error_of
 from cape.report.measured.sweep import Sweep
@@ -113,7 +113,7 @@ def _layout(done: Sweep, names: list[str], extent: tuple[FloatArray, float], hid
                 origin="/world/character",
                 contents=["+ /world/**", f"+ /runs/{name}/**", *(f"- {path}/**" for path in hidden)],
                 name=title,
-                background=BACKGROUND,
+                background=DARK_BACKGROUND,
                 line_grid=False,
                 eye_controls=rrb.EyeControls3D(
                     position=list(middle + size * np.array([-1.3, -0.9, 0.4])), look_target=list(middle)
