@@ -10,7 +10,7 @@ from motions.errors import FileError
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Give a hidden name beside `path`, of the same suffix, to write to; the file takes its own name with the block's end.
+    """Give a hidden name beside `path`, of the same suffix, to write to; the file takes its own name as the block ends.
 
     One that is there is replaced; where the block fails, it stays as it is.
 

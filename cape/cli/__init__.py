@@ -27,7 +27,8 @@ def main() -> None:
     try:
         status = command.main(prog_name="cape", standalone_mode=False)
     except UserError as error:
-        status = _refuse(str(error))
+        # What is interrupted along with this process, such as a viewer, may fail before this one takes notice.
+        status = 130 if interrupted else _refuse(str(error))
     except TyperException as error:
         status = _refuse(f"{error.format_message()} (cape --help tells what there is)")
     except BrokenPipeError:

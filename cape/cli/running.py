@@ -1,6 +1,7 @@
 """A simulation as a command runs it: with a bar on a terminal, and warnings as they come."""
 
 import importlib
+import signal
 import sys
 import threading
 import warnings
@@ -51,6 +52,16 @@ def simulated(
             )
         except Diverged as error:
             raise ValueRangeError(f"the cape can't be put on: {error}") from error
+
+
+@contextmanager
+def ended_in_order():
+    """End what the block has begun, such as a viewer, also where this process is told to terminate."""
+    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager

@@ -61,6 +61,27 @@ def viewer(size: tuple[int, int]) -> Iterator[Viewer]:
             _end(process)
 
 
+def require_recording(path: str | os.PathLike[str]) -> Path:
+    """The path of a recording.
+
+    Raises:
+        FileError: there is no such file.
+    """
+    if not Path(path).is_file():
+        raise FileError(f"can't read {path}: there is no such file")
+    return Path(path)
+
+
+def require_viewer() -> None:
+    """Check that a viewer starts here, which takes a second.
+
+    Raises:
+        UserError: it doesn't; the text says what to install where a Vulkan driver is missing.
+    """
+    with viewer((64, 64)):
+        pass
+
+
 class Viewer:
     """A running viewer for one recording: a second one would be shown in the layout of the first."""
 
@@ -83,9 +104,7 @@ class Viewer:
         Raises:
             FileError: it can't be read.
         """
-        path = Path(recording).resolve()
-        if not path.is_file():
-            raise FileError(f"can't read {recording}: there is no such file")
+        path = require_recording(recording).resolve()
         opened = self._ask(lambda client: client.open(str(path)))
         if not opened.store_ids and not opened.loading:
             raise FileError(f"can't read {recording}: it is no recording of Rerun's")

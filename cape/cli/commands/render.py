@@ -14,11 +14,11 @@ from cape.cli.measuring import sections
 from cape.cli.output import output_path
 from cape.cli.reading import Reading
 from cape.cli.rows import print_rows
-from cape.cli.running import simulated
+from cape.cli.running import ended_in_order, simulated
 from cape.pictures import films, stills
 from cape.pictures.eye import side_of
 from cape.pictures.stills import Side
-from cape.pictures.viewer import Viewer, viewer
+from cape.pictures.viewer import Viewer, require_recording, require_viewer, viewer
 from motions.errors import UnknownNameError, UserError, ValueRangeError
 
 STILLS = (".png", ".jpg", ".jpeg")
@@ -75,7 +75,7 @@ class Shots:
 def run(reading: Reading, cut: Cut, shots: Shots, *, output: Path | None, hitboxes: str | None) -> int:
     """Draw; gives the exit status."""
     recording = _recording(reading, cut, hitboxes)
-    # What can be told at once is told before a viewer starts, and that there is none before anything is simulated.
+    # What can be told at once is told before a viewer starts, and that none starts before anything is simulated.
     name = Path(reading.clip or "script").stem
     path = output_path(output, name, ".png")
     suffix = path.suffix.lower()
@@ -87,16 +87,17 @@ def run(reading: Reading, cut: Cut, shots: Shots, *, output: Path | None, hitbox
     if recording is not None and not film and (reading.start, reading.end) != (None, None):
         raise UserError("--start and --end choose the part of a recording that is filmed: a still picture takes --at")
     films.require_encoder(suffix)
-    if recording is None:
-        cut.check()
-    with viewer(shots.size) as shown, tempfile.TemporaryDirectory(prefix="cape-") as folder:
-        begin, end = reading.start, reading.end
+    begin, end = reading.start, reading.end
+    with tempfile.TemporaryDirectory(prefix="cape-") as folder:
         if recording is None:
-            recording, begin, end = Path(folder, "replayed.rrd"), None, None  # the clip itself was trimmed
+            cut.check()
+            require_viewer()
+            recording, begin, end = Path(folder, "replayed.rrd"), None, None  # the clip itself is trimmed
             if not _replay(reading, cut, recording, hitboxes):
                 return 130
-        shown.open(recording)
-        text = _film(shown, shots, path, begin, end) if film else _still(shown, shots, path)
+        with ended_in_order(), viewer(shots.size) as shown:
+            shown.open(recording)
+            text = _film(shown, shots, path, begin, end) if film else _still(shown, shots, path)
     print_rows([("film" if film else "picture", f"{path}, {text}")])
     return 0
 
@@ -107,7 +108,7 @@ def _recording(reading: Reading, cut: Cut, hitboxes: str | None) -> Path | None:
         return None
     if (reading, cut, hitboxes) != (Reading(reading.clip, start=reading.start, end=reading.end), Cut(), None):
         raise UserError(f"{reading.clip} is recorded already: garment, fabric, skeleton and the like are for clips")
-    return Path(reading.clip)
+    return require_recording(reading.clip)
 
 
 def _replay(reading: Reading, cut: Cut, path: Path, hitboxes: str | None) -> bool:

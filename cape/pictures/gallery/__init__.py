@@ -1,0 +1,1 @@
+"""A page of pictures: what there is to wear, in motion."""
