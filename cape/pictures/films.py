@@ -85,10 +85,9 @@ def save(pictures: Iterable[Image], path: Path, *, fps: float = FPS) -> None:
 
 
 def _gif(first: Image, others: Iterable[Image], path: Path, fps: float) -> None:
-    # One palette for all frames: with one each, still surfaces flicker.
-    palette = first.quantize(256)
-    rest = (picture.quantize(palette=palette) for picture in others)
-    palette.save(path, save_all=True, append_images=rest, duration=round(1000.0 / fps), loop=0)
+    # A palette for each frame: what turns up later, such as the lining, may lack in the first one's.
+    rest = (picture.quantize(256) for picture in others)
+    first.quantize(256).save(path, save_all=True, append_images=rest, duration=round(1000.0 / fps), loop=0)
 
 
 def _mp4(first: Image, others: Iterable[Image], path: Path, fps: float) -> None:

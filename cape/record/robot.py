@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 ROBOT = "/world/robot"
 SHARP = np.radians(30.0)  # faces that meet at more than this are parted by an edge, others shaded as one surface
 PLAIN_RGBA = (0.78, 0.79, 0.82, 1.0)  # of surfaces without a colour of their own
-DARKEST = 0.2  # what is black otherwise shows no shape
+DARKEST = 0.28  # what is black otherwise shows no shape
 
 
 def log_robot(stream: rr.RecordingStream, bones: BoneTrack, surfaces: Sequence[LinkSurface], frames: Frames) -> None:
