@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly, force_scratch, inertia_of
 from cape.assembly.chains import Chain, chain_of
@@ -23,7 +23,7 @@ from cape.kernels.program import Use
 from cape.kernels.solve.attachments import Held, aim_attached
 from cape.kernels.state import Inertia
 from cape.kernels.xpbd.formulas import Constraints
-from cape.kernels.xpbd.grid import GridConstraints, GridSweeps, prepare_grid, solve_grid
+from cape.kernels.xpbd.grid import GridConstraints, GridSweeps, dealt, hands_for, prepare_grid, solve_grid
 from cape.kernels.xpbd.membrane import MembraneConstraints
 from cape.kernels.xpbd.mesh import MeshConstraints, MeshSweeps, SpringConstraints, prepare_mesh, solve_mesh
 from cape.kernels.xpbd.xpbd import Blown, Falling, blow_all, drift_all, fall_all
@@ -39,7 +39,6 @@ SUBSTEPS = 40  # at least, per frame at 60 Hz, where none are asked for
 TOO_LONG = 0.0025  # of its length, that cloth may hang down too far with as many as are chosen
 DEAR = 16  # times as many steps as were taken, that it may cost at least to learn where shorter ones lead
 SWEPT = 0.5  # of a chain's sag, that is left by sweeps; 0.43 to 0.51 as measured
-HANDS = 3  # that the rows of a grid are dealt to, see kernels.xpbd.grid
 
 
 class XpbdArrays(NamedTuple):
@@ -154,7 +153,6 @@ class XPBD(Solver):
     def _grid(self, assembly: Assembly, cloth: GridCloth, dtype: type[np.floating]) -> GridConstraints:
         families, weights, columns = assembly.springs.families, assembly.inverse_mass, cloth.columns
         assert families is not None
-        dealt = _dealt(weights, columns)
 
         def springs(family: int) -> Constraints | None:
             stiffness, offset = families.stiffness[family], int(families.offsets[family])
@@ -172,9 +170,8 @@ class XPBD(Solver):
         assert down is not None
         return GridConstraints(
             columns=columns,
-            inverse_mass=dealt.astype(dtype),
-            positions=np.zeros((HANDS, 3, dealt.shape[1]), dtype=dtype),
-            velocities=np.zeros((HANDS, 3, dealt.shape[1]), dtype=dtype),
+            hands=hands_for(cloth.rows, columns, dtype),
+            inverse_mass=dealt(weights, columns, dtype),
             across=across,
             down=down,
             diagonal=springs(2),
@@ -187,13 +184,13 @@ class XPBD(Solver):
     def _grid_family(
         self, stiffness: Array, rest: Array | None, mobility: Array, columns: int, dtype: type[np.floating]
     ) -> Constraints | None:
-        """One family of constraints, dealt to three hands; None where none has any stiffness."""
+        """One family of constraints, dealt to nine hands; None where none has any stiffness."""
         if not stiffness.any():
             return None
         return self._constraints(
-            _dealt(stiffness, columns),
-            None if rest is None else _dealt(rest, columns),
-            _dealt(mobility, columns),
+            dealt(stiffness, columns, dtype),
+            None if rest is None else dealt(rest, columns, dtype),
+            dealt(mobility, columns, dtype),
             dtype,
         )
 
@@ -290,12 +287,3 @@ def _patches(springs: Springs) -> tuple[NDArray[np.int64], Array, Array]:
 def _ahead(values: Array, offset: int) -> Array:
     """For each vertex the value of the one that far ahead, zero beyond the last."""
     return np.concatenate([values[offset:], np.zeros(min(offset, len(values)))])
-
-
-def _dealt(values: ArrayLike, columns: int) -> Array:
-    """Values of a grid's vertices (N,) by hand, shape (3, n), filled up with zeros."""
-    rows = np.reshape(values, (-1, columns))
-    places = -(-len(rows) // HANDS)
-    filled = np.zeros((HANDS * places, columns))
-    filled[: len(rows)] = rows
-    return np.ascontiguousarray(filled.reshape(places, HANDS, columns).transpose(1, 0, 2)).reshape(HANDS, -1)

@@ -148,22 +148,19 @@ def test_edges_of_a_membrane_one_after_the_other(rng: np.random.Generator, sweep
 
 
 ROWS, COLUMNS, HANDS = 8, 5, 3
-PLACES = -(-ROWS // HANDS)
 LEANS = {"across": (0, 1), "down": (1, 0), "diagonal": (1, 1), "anti": (1, -1)}
 
 
-def order_of(family: str, hand: int) -> list[tuple[int, int]]:
-    """First vertices (row, column) of a family that start in a hand, in the order in which they are solved."""
-    down, right = LEANS[family]
-    starts = [
+def order_of(hand: int, down: int, right: int) -> list[tuple[int, int]]:
+    """First vertices (row, column) that start in the rows of a hand, in the order in which their constraints are
+    solved; each ends so far down and to the right."""
+    return [
         (row, column)
+        for first in range(HANDS)
         for row in range(hand, ROWS - down, HANDS)
-        for column in range(COLUMNS)
+        for column in range(first, COLUMNS, HANDS)
         if 0 <= column + right < COLUMNS
     ]
-    if family == "across":
-        starts.sort(key=lambda s: (s[0] // HANDS * COLUMNS + s[1]) % 2)
-    return starts
 
 
 def textbook_sweep(book: Textbook, stiffness: dict[str, np.ndarray], rest: dict[str, np.ndarray], bend: np.ndarray):
@@ -171,21 +168,17 @@ def textbook_sweep(book: Textbook, stiffness: dict[str, np.ndarray], rest: dict[
 
     def springs(family: str, hand: int) -> None:
         down, right = LEANS[family]
-        for row, column in order_of(family, hand):
+        for row, column in order_of(hand, down, right):
             i = row * COLUMNS + column
             book.stretch(i, i + down * COLUMNS + right, stiffness[family][i], rest[family][i], TAU)
 
     def bends(hand: int, down: int, right: int) -> None:
-        starts = [(r, c) for r in range(hand, ROWS - 2 * down, HANDS) for c in range(COLUMNS - 2 * right)]
-        if right:
-            starts.sort(key=lambda s: (s[0] // HANDS * COLUMNS + s[1]) % 3)
-        for row, column in starts:
+        for row, column in order_of(hand, 2 * down, 2 * right):
             i, offset = row * COLUMNS + column, down * COLUMNS + right
             book.bend([i, i + offset, i + 2 * offset], np.array([1.0, -2.0, 1.0]), bend[i], 2 * TAU)
 
     def cells(hand: int) -> None:
-        starts = [(r, c) for r in range(hand, ROWS - 1, HANDS) for c in range(COLUMNS - 1)]
-        for row, column in sorted(starts, key=lambda s: (s[0] // HANDS * COLUMNS + s[1]) % 2):
+        for row, column in order_of(hand, 1, 1):
             i = row * COLUMNS + column
             book.bend([i, i + 1, i + COLUMNS, i + COLUMNS + 1], np.array([1.0, -1.0, -1.0, 1.0]), bend[i], 2 * TAU)
 
@@ -203,11 +196,7 @@ def textbook_sweep(book: Textbook, stiffness: dict[str, np.ndarray], rest: dict[
 
 
 def dealt(values: np.ndarray) -> np.ndarray:
-    result = np.zeros((HANDS, PLACES * COLUMNS))
-    for i, value in enumerate(values):
-        row, column = divmod(i, COLUMNS)
-        result[row % HANDS, row // HANDS * COLUMNS + column] = value
-    return result
+    return xpbd_grid.dealt(values, COLUMNS, float)
 
 
 def test_a_grid_is_solved_in_the_order_of_its_phases(rng: np.random.Generator):
@@ -230,9 +219,8 @@ def test_a_grid_is_solved_in_the_order_of_its_phases(rng: np.random.Generator):
     inside = (row + 1 < ROWS) & (column + 1 < COLUMNS)
     mobility = np.sum([np.roll(weights, -offset) for offset in (0, 1, COLUMNS, COLUMNS + 1)], axis=0)
     families.append(prepared(dealt(np.where(inside, bend, 0.0)), None, dealt(mobility), 2 * TAU, 3))
-    room = np.zeros((2, HANDS, 3, PLACES * COLUMNS))
     state = State(*(p.copy() for p in (*x, *v)))
-    grid = GridConstraints(COLUMNS, dealt(weights), room[0], room[1], *families)
+    grid = GridConstraints(COLUMNS, xpbd_grid.hands_for(ROWS, COLUMNS, float), dealt(weights), *families)
     xpbd_grid.solve_grid(GridSweeps(state, grid, TAU, 2 * TAU, 2), Team.alone(n), 0, 1, STEP)
     book = Textbook(x, v, weights)
     for _ in range(2):

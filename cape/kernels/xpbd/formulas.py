@@ -133,19 +133,18 @@ def draw_to_middle(k, i, j, l, time, gain, slack, impulse, w0, w1, w2, p0, p1, p
 
 
 @inlined
-def straighten_cell(k, i, j, time, gain, slack, impulse, w0, w1, p0, p1, v0, v1):
-    """C(p) = p00 - p10 - p01 + p11 along one coordinate, of vertices i and i + 1 of one group, j and j + 1 of another.
-
-    `time` is h + tau.
-    """
-    ii, jj = i + unsigned(1), j + unsigned(1)
-    a, b, c, d = v0[i], v0[ii], v1[j], v1[jj]
-    twist = fused(time, (d - c) - (b - a), (p1[jj] - p1[j]) - (p0[ii] - p0[i]))
-    change = change_of(gain[k] * twist, k, slack, impulse)
-    v0[i] = fused(-change, w0[i], a)
-    v0[ii] = fused(change, w0[ii], b)
-    v1[j] = fused(change, w1[j], c)
-    v1[jj] = fused(-change, w1[jj], d)
+def straighten_cell(
+    i, j, m, n, time, gain, slack, impulse, w00, w10, w01, w11, p00, p10, p01, p11, v00, v10, v01, v11
+):  # fmt: skip
+    """C(p) = p00 - p10 - p01 + p11 along one coordinate, of vertices i, j, m and n of four groups, which is constraint
+    i; `time` is h + tau."""
+    a, b, c, d = v00[i], v10[j], v01[m], v11[n]
+    twist = fused(time, (d - c) - (b - a), (p11[n] - p01[m]) - (p10[j] - p00[i]))
+    change = change_of(gain[i] * twist, i, slack, impulse)
+    v00[i] = fused(-change, w00[i], a)
+    v10[j] = fused(change, w10[j], b)
+    v01[m] = fused(change, w01[m], c)
+    v11[n] = fused(-change, w11[n], d)
 
 
 @inlined
