@@ -77,6 +77,22 @@ def change_of(wanted, k, slack, impulse):
 
 
 @inlined
+def pulled(k, dx, dy, dz, ux, uy, uz, damping, tiny, gain, rest, slack, impulse):
+    """What spring k adds to the impulse along (dx, dy, dz), which it has at the step's end, of ends that move apart
+    with (ux, uy, uz); `damping` [s] or None."""
+    squared = fused(dx, dx, fused(dy, dy, fused(dz, dz, tiny)))
+    length = math.sqrt(squared)
+    stretch = fused(-rest[k], length, squared)
+    if damping is not None:
+        stretch = fused(damping, fused(ux, dx, fused(uy, dy, uz * dz)), stretch)
+    if impulse is None:
+        scale = gain[k] * stretch / squared
+    else:
+        scale = change_of(gain[k] * stretch / length, k, slack, impulse) / length
+    return scale
+
+
+@inlined
 def pull_together(
     k,
     i,
@@ -107,15 +123,7 @@ def pull_together(
     ax, ay, az, bx, by, bz = vx0[i], vy0[i], vz0[i], vx1[j], vy1[j], vz1[j]
     ux, uy, uz = bx - ax, by - ay, bz - az
     dx, dy, dz = fused(step, ux, x1[j] - x0[i]), fused(step, uy, y1[j] - y0[i]), fused(step, uz, z1[j] - z0[i])
-    squared = fused(dx, dx, fused(dy, dy, fused(dz, dz, tiny)))
-    length = math.sqrt(squared)
-    stretch = fused(-rest[k], length, squared)
-    if damping is not None:
-        stretch = fused(damping, fused(ux, dx, fused(uy, dy, uz * dz)), stretch)
-    if impulse is None:
-        scale = gain[k] * stretch / squared
-    else:
-        scale = change_of(gain[k] * stretch / length, k, slack, impulse) / length
+    scale = pulled(k, dx, dy, dz, ux, uy, uz, damping, tiny, gain, rest, slack, impulse)
     a, b = scale * w0[i], scale * w1[j]
     vx0[i], vy0[i], vz0[i] = fused(a, dx, ax), fused(a, dy, ay), fused(a, dz, az)
     vx1[j], vy1[j], vz1[j] = fused(-b, dx, bx), fused(-b, dy, by), fused(-b, dz, bz)
