@@ -132,8 +132,8 @@ def test_springs_one_after_the_other(rng: np.random.Generator, sweeps: int):
     # No length at all: it pulls nowhere.
     x[:, 4], v[:, 4] = x[:, 3], v[:, 3]
     book = Textbook(x, v, weights)
-    numbers = (blocks_of_one(a).ravel() for a in (stiffness, rest, weights[first] + weights[second]))
-    springs = prepared(*numbers, TAU, 1)
+    mobility = blocks_of_one(weights[first] + weights[second]).ravel()
+    springs = prepared(blocks_of_one(stiffness).ravel(), blocks_of_one(rest).ravel(), mobility, TAU, 1)
     kept = (springs.slack, springs.impulse) if sweeps > 1 else (None, None)
     mine, ends = Packed(x, v, weights), blocks_of_one(np.stack([first, second], axis=1), n)
     for _ in range(sweeps):
@@ -300,8 +300,8 @@ def test_one_spring_is_implicit_euler(rng: np.random.Generator):
     stiffness, mass, rest, start, speed = 300.0, 0.2, 0.5, 0.6, 0.3
     x, v = np.zeros((3, 2)), np.zeros((3, 2))
     x[2, 1], v[2, 1] = start, speed
-    numbers = (blocks_of_one(np.array([a])).ravel() for a in (stiffness, rest, 1 / mass))
-    springs = prepared(*numbers, TAU, 1)
+    of_one = blocks_of_one(np.array([[stiffness, rest, 1 / mass]])).reshape(3, packed.LANES)
+    springs = prepared(of_one[0], of_one[1], of_one[2], TAU, 1)
     mine = Packed(x, v, np.array([0.0, 1 / mass]))
     ends = blocks_of_one(np.array([[0, 1]], dtype=np.uint32), 2)
     mesh.stretch_blocks(

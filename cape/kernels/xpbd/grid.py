@@ -281,9 +281,10 @@ def forget_family(family, mine):
 
 
 @inlined
-def ahead(hand, lane, mine):
-    """How many places further on the vertex is that would be in a hand, if these went on beyond the third."""
-    return unsigned(hand // HANDS * mine.width + lane // HANDS)
+def place(start, hand, lane, mine):
+    """From where on the vertices are that belong to the places from `start` on, in a hand that may be beyond the third:
+    that is one of the next row or column of places."""
+    return unsigned(start + hand // HANDS * mine.width + lane // HANDS)
 
 
 @inlined
@@ -294,10 +295,10 @@ def starts(mine, shift):
     A row starts later, or ends earlier, where the constraint leans; what would wrap around has stiffness 0 elsewhere.
     """
     if shift == 0:
-        return unsigned(mine.lo), unsigned(mine.hi - mine.lo)
+        return mine.lo, mine.hi - mine.lo
     if shift < 0:
-        return unsigned(mine.lo + 1), unsigned(mine.hi - mine.lo - 1 + mine.spare)
-    return unsigned(mine.lo), unsigned(mine.hi - mine.lo - 1 + mine.spare)
+        return mine.lo + 1, mine.hi - mine.lo - 1 + mine.spare
+    return mine.lo, mine.hi - mine.lo - 1 + mine.spare
 
 
 @inlined
@@ -316,9 +317,9 @@ def link(c, family, down, right, hand, mine, step, damping):
             a, e = unsigned(lane), hand_of(lane + right)
             lo, count = starts(mine, (lane + right) // HANDS)
             stretch_between(
-                lo, lo + ahead(hand + down, lane + right, mine), count, step, damping, tiny, family.gain[h, a],
-                family.rest[h, a], row(row(family.slack, h), a), row(row(family.impulse, h), a), w[h, a], w[d, e],
-                q[h, a, X], q[h, a, Y], q[h, a, Z], q[d, e, X], q[d, e, Y], q[d, e, Z],
+                unsigned(lo), place(lo, hand + down, lane + right, mine), unsigned(count), step, damping, tiny,
+                family.gain[h, a], family.rest[h, a], row(row(family.slack, h), a), row(row(family.impulse, h), a),
+                w[h, a], w[d, e], q[h, a, X], q[h, a, Y], q[h, a, Z], q[d, e, X], q[d, e, Y], q[d, e, Z],
                 u[h, a, X], u[h, a, Y], u[h, a, Z], u[d, e, X], u[d, e, Y], u[d, e, Z],
             )  # fmt: skip
 
@@ -332,9 +333,10 @@ def bend(c, family, down, right, hand, mine, time):
         for lane in range(HANDS):
             a, e, g = unsigned(lane), hand_of(lane + right), hand_of(lane + 2 * right)
             lo, count = starts(mine, (lane + 2 * right) // HANDS)
-            to, far = ahead(hand + down, lane + right, mine), ahead(hand + 2 * down, lane + 2 * right, mine)
+            middle = place(lo, hand + down, lane + right, mine)
+            last = place(lo, hand + 2 * down, lane + 2 * right, mine)
             bend_between(
-                (lo, lo + to, lo + far), count, time, family.gain[h, a], row(row(family.slack, h), a),
+                (unsigned(lo), middle, last), unsigned(count), time, family.gain[h, a], row(row(family.slack, h), a),
                 row(row(row(impulse, X), h), a), row(row(row(impulse, Y), h), a), row(row(row(impulse, Z), h), a),
                 w[h, a], w[d, e], w[f, g], q[h, a, X], q[h, a, Y], q[h, a, Z], q[d, e, X], q[d, e, Y], q[d, e, Z],
                 q[f, g, X], q[f, g, Y], q[f, g, Z], u[h, a, X], u[h, a, Y], u[h, a, Z],
@@ -351,14 +353,11 @@ def twist(c, family, hand, mine, time):
         for lane in range(HANDS):
             a, e = unsigned(lane), hand_of(lane + 1)
             lo, count = starts(mine, (lane + 1) // HANDS)
-            right, down, both = (
-                ahead(hand, lane + 1, mine),
-                ahead(hand + 1, lane, mine),
-                ahead(hand + 1, lane + 1, mine),
-            )
+            right, down = place(lo, hand, lane + 1, mine), place(lo, hand + 1, lane, mine)
+            both = place(lo, hand + 1, lane + 1, mine)
             for axis in range(unsigned(0), unsigned(3)):
                 twist_between(
-                    (lo, lo + right, lo + down, lo + both), count, time, family.gain[h, a],
+                    (unsigned(lo), right, down, both), unsigned(count), time, family.gain[h, a],
                     row(row(family.slack, h), a), row(row(row(impulse, axis), h), a),
                     w[h, a], w[h, e], w[d, a], w[d, e],
                     q[h, a, axis], q[h, e, axis], q[d, a, axis], q[d, e, axis],

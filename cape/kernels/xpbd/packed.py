@@ -124,8 +124,12 @@ def _network(builder, rows):
     def fours(a, b, first):
         return _shuffle(builder, a, b, [k + j for j in (first, first + QUARTER) for k in (0, 1, 8, 9)])
 
-    low, high = [pairs(rows[k], rows[k + 1], 0) for k in (0, 2)], [pairs(rows[k], rows[k + 1], 2) for k in (0, 2)]
-    return [fours(*low, 0), fours(*low, 2), fours(*high, 0), fours(*high, 2)]
+    first, second, third, fourth = rows
+    turned = []
+    for number in (0, 2):
+        upper, lower = pairs(first, second, number), pairs(third, fourth, number)
+        turned += [fours(upper, lower, 0), fours(upper, lower, 2)]
+    return turned
 
 
 def _shuffle(builder, a, b, order):
