@@ -35,3 +35,21 @@ def by_color(members: IntArray) -> Colors:
     first_fit(np.ascontiguousarray(members[near], dtype=np.int64), met, colors)
     starts = np.concatenate([[0], np.cumsum(np.bincount(colors))])
     return Colors(near[np.argsort(colors, kind="stable")], starts)
+
+
+class Blocks(NamedTuple):
+    """Constraints by colour in blocks: which one is in each place, -1 for none, (B, lanes), and in which block each
+    colour starts, with the end, (C + 1,)."""
+
+    places: IntArray
+    starts: IntArray
+
+
+def in_blocks(colors: Colors, lanes: int) -> Blocks:
+    """Fill every colour up to whole blocks of `lanes` constraints."""
+    sizes = np.diff(colors.starts)
+    starts = np.concatenate([[0], np.cumsum(-(-sizes // lanes))])
+    places = np.full(lanes * starts[-1], -1)
+    shift = np.repeat(lanes * starts[:-1] - colors.starts[:-1], sizes)
+    places[np.arange(len(colors.order)) + shift] = colors.order
+    return Blocks(places.reshape(-1, lanes), starts)

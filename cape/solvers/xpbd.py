@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly, force_scratch, inertia_of
 from cape.assembly.chains import Chain, chain_of
-from cape.assembly.coloring import by_color
+from cape.assembly.coloring import Blocks, by_color, in_blocks
 from cape.assembly.membrane import Membrane
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import GridCloth
@@ -22,10 +22,12 @@ from cape.kernels.linking import Linker
 from cape.kernels.program import Use
 from cape.kernels.solve.attachments import Held, aim_attached
 from cape.kernels.state import Inertia
+from cape.kernels.xpbd.bending import BendConstraints
 from cape.kernels.xpbd.formulas import Constraints
-from cape.kernels.xpbd.grid import GridConstraints, GridSweeps, prepare_grid, solve_grid
+from cape.kernels.xpbd.grid import GridConstraints, GridSweeps, dealt, hands_for, prepare_grid, solve_grid
 from cape.kernels.xpbd.membrane import MembraneConstraints
 from cape.kernels.xpbd.mesh import MeshConstraints, MeshSweeps, SpringConstraints, prepare_mesh, solve_mesh
+from cape.kernels.xpbd.packed import LANES, NEXT, SIDE
 from cape.kernels.xpbd.xpbd import Blown, Falling, blow_all, drift_all, fall_all
 from cape.solvers.base import Precision, Solver
 from cape.solvers.euler import SymplecticEuler
@@ -39,7 +41,6 @@ SUBSTEPS = 40  # at least, per frame at 60 Hz, where none are asked for
 TOO_LONG = 0.0025  # of its length, that cloth may hang down too far with as many as are chosen
 DEAR = 16  # times as many steps as were taken, that it may cost at least to learn where shorter ones lead
 SWEPT = 0.5  # of a chain's sag, that is left by sweeps; 0.43 to 0.51 as measured
-HANDS = 3  # that the rows of a grid are dealt to, see kernels.xpbd.grid
 
 
 class XpbdArrays(NamedTuple):
@@ -154,7 +155,6 @@ class XPBD(Solver):
     def _grid(self, assembly: Assembly, cloth: GridCloth, dtype: type[np.floating]) -> GridConstraints:
         families, weights, columns = assembly.springs.families, assembly.inverse_mass, cloth.columns
         assert families is not None
-        dealt = _dealt(weights, columns)
 
         def springs(family: int) -> Constraints | None:
             stiffness, offset = families.stiffness[family], int(families.offsets[family])
@@ -172,9 +172,8 @@ class XPBD(Solver):
         assert down is not None
         return GridConstraints(
             columns=columns,
-            inverse_mass=dealt.astype(dtype),
-            positions=np.zeros((HANDS, 3, dealt.shape[1]), dtype=dtype),
-            velocities=np.zeros((HANDS, 3, dealt.shape[1]), dtype=dtype),
+            hands=hands_for(cloth.rows, columns, dtype),
+            inverse_mass=dealt(weights, columns, dtype),
             across=across,
             down=down,
             diagonal=springs(2),
@@ -187,13 +186,13 @@ class XPBD(Solver):
     def _grid_family(
         self, stiffness: Array, rest: Array | None, mobility: Array, columns: int, dtype: type[np.floating]
     ) -> Constraints | None:
-        """One family of constraints, dealt to three hands; None where none has any stiffness."""
+        """One family of constraints, dealt to nine hands; None where none has any stiffness."""
         if not stiffness.any():
             return None
         return self._constraints(
-            _dealt(stiffness, columns),
-            None if rest is None else _dealt(rest, columns),
-            _dealt(mobility, columns),
+            dealt(stiffness, columns, dtype),
+            None if rest is None else dealt(rest, columns, dtype),
+            dealt(mobility, columns, dtype),
             dtype,
         )
 
@@ -201,53 +200,63 @@ class XPBD(Solver):
         springs, weights = assembly.springs, assembly.inverse_mass
         stretched = membrane = None
         if springs.membrane is not None:
-            membrane = self._membrane(springs.membrane, dtype)
+            membrane = self._membrane(springs.membrane, len(weights), dtype)
         else:
             stretched = self._springs(springs, weights, dtype)
-        vertices, coefficients, stiffness = _patches(springs)
-        colors = by_color(vertices)
-        vertices, coefficients = vertices[colors.order], coefficients[colors.order]
-        coupled = np.einsum("krm,km,ksm->krs", coefficients, weights[vertices], coefficients)
-        bend = None
-        if len(vertices):
-            mobility = np.diagonal(coupled, axis1=1, axis2=2)
-            bend = self._constraints(stiffness[colors.order].ravel(), None, mobility.ravel(), dtype)
         return MeshConstraints(
             springs=stretched,
             membrane=membrane,
-            vertices=vertices.astype(np.uint32),
-            coefficients=coefficients.astype(dtype),
-            mixed=coupled[:, (0, 0, 1), (1, 2, 2)].astype(dtype),
-            bend_starts=colors.starts,
-            bend=bend,
+            bends=self._bends(springs, weights, dtype) if len(springs.bend_vertices) else None,
+            packed=np.zeros(SIDE * (len(weights) + 1), dtype=dtype),
+            rows=np.zeros((len(assembly.ranks), 4 * NEXT), dtype=dtype),
         )
 
     def _springs(self, springs: Springs, weights: Array, dtype: type[np.floating]) -> SpringConstraints:
         pairs = np.stack([springs.first, springs.second], axis=1)
-        colors = by_color(pairs)
-        pairs = pairs[colors.order]
+        blocks = in_blocks(by_color(pairs), LANES)
         return SpringConstraints(
-            first=pairs[:, 0].astype(np.uint32),
-            second=pairs[:, 1].astype(np.uint32),
-            starts=colors.starts,
+            ends=_by_rows(pairs, blocks, len(weights)).astype(np.uint32),
+            starts=blocks.starts,
             stretch=self._constraints(
-                springs.stiffness[colors.order], springs.rest[colors.order], weights[pairs].sum(axis=1), dtype
+                _by_rows(springs.stiffness, blocks).ravel(),
+                _by_rows(springs.rest, blocks).ravel(),
+                _by_rows(weights[pairs].sum(axis=1), blocks).ravel(),
+                dtype,
             ),
         )
 
-    def _membrane(self, membrane: Membrane, dtype: type[np.floating]) -> MembraneConstraints:
-        edges = membrane.edges()
-        colors = by_color(edges.vertices)
-        order, c = colors.order, membrane.stiffness
-        impulse = np.zeros((len(order), 3), dtype=dtype) if self.iterations > 1 else None
+    def _membrane(self, membrane: Membrane, nobody: int, dtype: type[np.floating]) -> MembraneConstraints:
+        edges, c = membrane.edges(), membrane.stiffness
+        blocks = in_blocks(by_color(edges.vertices), LANES)
+        vertices = edges.vertices.copy()
+        vertices[edges.shares[:, 1] == 0.0, 3] = nobody
+        numbers = np.concatenate([edges.slopes.reshape(-1, 8), edges.shares, edges.area[:, None]], axis=1)
+        impulse = np.zeros((len(blocks.places), 3 * LANES), dtype=dtype) if self.iterations > 1 else None
         return MembraneConstraints(
             tension=Tension(float(c[0, 0]), float(c[1, 1]), float(c[0, 1]), float(c[2, 2])),
-            vertices=edges.vertices[order].astype(np.uint32),
-            slopes=edges.slopes[order].astype(dtype),
-            shares=edges.shares[order].astype(dtype),
-            area=edges.area[order].astype(dtype),
-            starts=colors.starts,
+            vertices=_by_rows(vertices, blocks, nobody).astype(np.uint32),
+            numbers=_by_rows(numbers, blocks).astype(dtype),
+            starts=blocks.starts,
             impulse=impulse,
+        )
+
+    def _bends(self, springs: Springs, weights: Array, dtype: type[np.floating]) -> BendConstraints:
+        vertices, coefficients, stiffness = _patches(springs)
+        used = (coefficients != 0.0).any(axis=1)
+        colors = by_color(vertices)
+        # Within a colour any order is the same: patches of one size follow each other, so that loops end as foreseen.
+        color = np.repeat(np.arange(len(colors.starts) - 1), np.diff(colors.starts))
+        order = colors.order[np.lexsort([used[colors.order].sum(axis=1), color])]
+        vertices, coefficients, used = vertices[order], coefficients[order], used[order]
+        coupled = np.einsum("krm,km,ksm->krs", coefficients, weights[vertices], coefficients)
+        mobility = np.diagonal(coupled, axis1=1, axis2=2)
+        return BendConstraints(
+            first=np.concatenate([[0], np.cumsum(used.sum(axis=1))]),
+            members=vertices[used].astype(np.uint32),
+            coefficients=np.swapaxes(coefficients, 1, 2)[used].astype(dtype).ravel(),
+            mixed=coupled[:, (0, 0, 1), (1, 2, 2)].astype(dtype),
+            starts=colors.starts,
+            bend=self._constraints(stiffness[order].ravel(), None, mobility.ravel(), dtype),
         )
 
     def _constraints(
@@ -287,15 +296,14 @@ def _patches(springs: Springs) -> tuple[NDArray[np.int64], Array, Array]:
     return members[first], coefficients, stiffness
 
 
+def _by_rows(values: NDArray[Any], blocks: Blocks, nobody: float = 0) -> NDArray[Any]:
+    """Values of constraints, (E,) or (E, m), block by block, (B, m lanes): the first of each, then the next;
+    `nobody` where there is none."""
+    rows = np.reshape(values, (len(values), -1))
+    found = np.where(blocks.places[..., None] < 0, nobody, rows[blocks.places])
+    return np.ascontiguousarray(np.swapaxes(found, 1, 2)).reshape(len(found), -1)
+
+
 def _ahead(values: Array, offset: int) -> Array:
     """For each vertex the value of the one that far ahead, zero beyond the last."""
     return np.concatenate([values[offset:], np.zeros(min(offset, len(values)))])
-
-
-def _dealt(values: ArrayLike, columns: int) -> Array:
-    """Values of a grid's vertices (N,) by hand, shape (3, n), filled up with zeros."""
-    rows = np.reshape(values, (-1, columns))
-    places = -(-len(rows) // HANDS)
-    filled = np.zeros((HANDS * places, columns))
-    filled[: len(rows)] = rows
-    return np.ascontiguousarray(filled.reshape(places, HANDS, columns).transpose(1, 0, 2)).reshape(HANDS, -1)

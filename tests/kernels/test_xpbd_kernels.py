@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from cape.kernels.calling import Bound
+from cape.kernels.jit import routine
 from cape.kernels.state import State
 from cape.kernels.team import Team
-from cape.kernels.xpbd import formulas, membrane, mesh, xpbd
+from cape.kernels.xpbd import bending, formulas, membrane, mesh, packed, xpbd
 from cape.kernels.xpbd import grid as xpbd_grid
 from cape.kernels.xpbd.formulas import Constraints
 from cape.kernels.xpbd.grid import GridConstraints, GridSweeps
@@ -62,6 +64,64 @@ def prepared(
     return Constraints(stiffness, rest, mobility, gain, slack, np.zeros(shape))
 
 
+class Packed:
+    """Vertices as the kernels want them, and room for a block of constraints."""
+
+    def __init__(self, x: np.ndarray, v: np.ndarray, weights: np.ndarray) -> None:
+        n = x.shape[1]
+        self.vertices, self.rows = np.full(packed.SIDE * (n + 1), np.nan), np.zeros(4 * packed.NEXT)
+        packed.pack(0, n, weights, *x, *v, self.vertices)
+
+    @property
+    def velocities(self) -> np.ndarray:
+        u = np.zeros((3, len(self.vertices) // packed.SIDE - 1))
+        packed.unpack(0, u.shape[1], self.vertices, *u)
+        assert not self.vertices[-packed.SIDE :].any()  # nobody
+        return u
+
+
+def blocks_of_one(values: np.ndarray, nobody: float = 0.0) -> np.ndarray:
+    """Numbers of constraints (E, m) in a block each, every one in another lane: (E, m lanes)."""
+    values = np.reshape(values, (len(values), -1))
+    blocks = np.full((*values.shape, packed.LANES), nobody, dtype=values.dtype)
+    for k, numbers in enumerate(values):
+        blocks[k, :, 3 * k % packed.LANES] = numbers
+    return blocks.reshape(len(values), -1)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_vertices_side_by_side(rng: np.random.Generator, dtype: type[np.floating]):
+    n, lanes = 40, packed.LANES
+    x, v, w = (
+        rng.standard_normal((3, n)).astype(dtype),
+        rng.standard_normal((3, n)).astype(dtype),
+        np.arange(n, dtype=dtype),
+    )
+    vertices, rows = np.zeros(packed.SIDE * (n + 1), dtype), np.zeros(packed.NEXT, dtype)
+    packed.pack(0, n, w, *x, *v, vertices)
+    which = rng.permutation(n)[:lanes].astype(np.uint32)
+    Bound(fetch_block, vertices, which, rows)()
+    np.testing.assert_array_equal(rows.reshape(-1, lanes), np.vstack([x, w, v])[:, which])
+    rows[packed.VX :] *= 2
+    Bound(put_block_back, vertices, which, rows)()
+    u, expected = np.zeros_like(v), v.copy()
+    packed.unpack(0, n, vertices, *u)
+    expected[:, which] *= 2
+    np.testing.assert_array_equal(u, expected)
+
+
+@routine
+def fetch_block(vertices, which, rows):
+    for lane in range(0, packed.LANES, packed.HALF):
+        packed.fetch(vertices, which, lane, rows, lane)
+
+
+@routine
+def put_block_back(vertices, which, rows):
+    for lane in range(0, packed.LANES, packed.HALF):
+        packed.put_back(vertices, which, lane, rows, lane)
+
+
 @pytest.mark.parametrize("sweeps", [1, 2])
 def test_springs_one_after_the_other(rng: np.random.Generator, sweeps: int):
     n = 8
@@ -72,13 +132,15 @@ def test_springs_one_after_the_other(rng: np.random.Generator, sweeps: int):
     # No length at all: it pulls nowhere.
     x[:, 4], v[:, 4] = x[:, 3], v[:, 3]
     book = Textbook(x, v, weights)
-    springs = prepared(stiffness, rest, weights[first] + weights[second], TAU, 1)
+    mobility = blocks_of_one(weights[first] + weights[second]).ravel()
+    springs = prepared(blocks_of_one(stiffness).ravel(), blocks_of_one(rest).ravel(), mobility, TAU, 1)
     kept = (springs.slack, springs.impulse) if sweeps > 1 else (None, None)
-    u = v.copy()
+    mine, ends = Packed(x, v, weights), blocks_of_one(np.stack([first, second], axis=1), n)
     for _ in range(sweeps):
-        mesh.stretch_listed(first, second, STEP, TAU, 1e-18, springs.gain, rest, *kept, weights, *x, *u)
+        mesh.stretch_blocks(0, 6, ends, STEP, TAU, 1e-18, springs.gain, springs.rest, *kept, mine.vertices, mine.rows)
         for k in range(6):
             book.stretch(int(first[k]), int(second[k]), stiffness[k], rest[k], TAU)
+    u = mine.velocities
     np.testing.assert_allclose(x + STEP * u, book.p, atol=ROUNDING)
     np.testing.assert_array_equal(u[:, [2, 6]], v[:, [2, 6]])
     assert np.isfinite(u).all()
@@ -98,12 +160,13 @@ def test_bends_one_after_the_other(rng: np.random.Generator, sweeps: int):
     bends = prepared(stiffness.ravel(), None, mobility.ravel(), TAU, 3)
     assert bends.impulse is not None
     kept = (bends.slack, *bends.impulse) if sweeps > 1 else (None,) * 4
-    u, mixed = v.copy(), coupled[:, (0, 0, 1), (1, 2, 2)].copy()
+    mine, mixed = Packed(x, v, weights), coupled[:, (0, 0, 1), (1, 2, 2)].copy()
+    listed = 4 * np.arange(4), vertices.ravel(), np.swapaxes(coefficients, 1, 2).ravel()
     for _ in range(sweeps):
-        mesh.bend_listed(vertices, coefficients, mixed, STEP + TAU, bends.gain, *kept, weights, *x, *u)
+        bending.bend_listed(*listed, mixed, STEP + TAU, bends.gain, *kept, mine.vertices)
         for k, row in np.ndindex(3, 3):
             book.bend(vertices[k].tolist(), coefficients[k, row], float(stiffness[k, row]), TAU, row)
-    np.testing.assert_allclose(x + STEP * u, book.p, atol=ROUNDING)
+    np.testing.assert_allclose(x + STEP * mine.velocities, book.p, atol=ROUNDING)
 
 
 @pytest.mark.parametrize("sweeps", [1, 3])
@@ -112,19 +175,21 @@ def test_edges_of_a_membrane_one_after_the_other(rng: np.random.Generator, sweep
     n, stiffness = 6, np.array([[900.0, 80.0, 0.0], [80.0, 400.0, 0.0], [0.0, 0.0, 60.0]])
     x, v, weights = rng.standard_normal((3, n)), rng.standard_normal((3, n)), rng.uniform(1, 2, n)
     weights[3] = 0.0
-    # The second has a single triangle: its third corner again stands for no other.
-    vertices = np.array([[0, 1, 2, 3], [2, 4, 5, 5], [1, 3, 4, 0]], dtype=np.uint32)
+    # The second has a single triangle, and nobody beyond.
+    vertices = np.array([[0, 1, 2, 3], [2, 4, 5, n], [1, 3, 4, 0]], dtype=np.uint32)
     slopes, area = rng.uniform(-1, 1, (3, 2, 4)), rng.uniform(0.1, 0.2, 3)
     shares = np.array([[0.3, 0.7], [1.0, 0.0], [0.5, 0.5]])
-    u, expected = v.copy(), v.copy()
-    impulse, kept = np.zeros((3, 3)) if sweeps > 1 else None, np.zeros((3, 3))
+    mine, expected = Packed(x, v, weights), v.copy()
+    numbers = blocks_of_one(np.concatenate([slopes.reshape(3, 8), shares, area[:, None]], axis=1))
+    impulse, kept = np.zeros((3, 3 * packed.LANES)) if sweeps > 1 else None, np.zeros((3, 3))
     for _ in range(sweeps):
         membrane.stretch_edges(
-            0, 3, vertices, slopes, shares, area, STEP, TAU, 900.0, 400.0, 80.0, 60.0, 0.5, impulse, weights, *x, *u
-        )
+            0, 3, blocks_of_one(vertices, n), numbers, STEP, TAU, 900.0, 400.0, 80.0, 60.0, 0.5, impulse, mine.vertices,
+            mine.rows,
+        )  # fmt: skip
         for k in range(3):
             p, strain, derivative = x + STEP * expected, np.zeros(3), np.zeros((3, 3, n))
-            for t in range(2):
+            for t in range(2 if vertices[k, 3] < n else 1):
                 i, j, m = vertices[k, [0, 1, 2 + t]].tolist()
                 along, across = np.zeros(n), np.zeros(n)
                 for slope, of in ((slopes[k, t, ::2], along), (slopes[k, t, 1::2], across)):
@@ -143,27 +208,25 @@ def test_edges_of_a_membrane_one_after_the_other(rng: np.random.Generator, sweep
             change = np.linalg.solve(np.eye(3) + STEP * (STEP + TAU) * weighted, wanted)
             kept[k] += change
             expected = expected - weights * np.einsum("rci,r->ci", derivative, change)
+    u = mine.velocities
     np.testing.assert_allclose(u, expected, atol=ROUNDING * np.abs(v).max() * 100)
     np.testing.assert_array_equal(u[:, 3], v[:, 3])
 
 
 ROWS, COLUMNS, HANDS = 8, 5, 3
-PLACES = -(-ROWS // HANDS)
 LEANS = {"across": (0, 1), "down": (1, 0), "diagonal": (1, 1), "anti": (1, -1)}
 
 
-def order_of(family: str, hand: int) -> list[tuple[int, int]]:
-    """First vertices (row, column) of a family that start in a hand, in the order in which they are solved."""
-    down, right = LEANS[family]
-    starts = [
+def order_of(hand: int, down: int, right: int) -> list[tuple[int, int]]:
+    """First vertices (row, column) that start in the rows of a hand, in the order in which their constraints are
+    solved; each ends so far down and to the right."""
+    return [
         (row, column)
+        for first in range(HANDS)
         for row in range(hand, ROWS - down, HANDS)
-        for column in range(COLUMNS)
+        for column in range(first, COLUMNS, HANDS)
         if 0 <= column + right < COLUMNS
     ]
-    if family == "across":
-        starts.sort(key=lambda s: (s[0] // HANDS * COLUMNS + s[1]) % 2)
-    return starts
 
 
 def textbook_sweep(book: Textbook, stiffness: dict[str, np.ndarray], rest: dict[str, np.ndarray], bend: np.ndarray):
@@ -171,21 +234,17 @@ def textbook_sweep(book: Textbook, stiffness: dict[str, np.ndarray], rest: dict[
 
     def springs(family: str, hand: int) -> None:
         down, right = LEANS[family]
-        for row, column in order_of(family, hand):
+        for row, column in order_of(hand, down, right):
             i = row * COLUMNS + column
             book.stretch(i, i + down * COLUMNS + right, stiffness[family][i], rest[family][i], TAU)
 
     def bends(hand: int, down: int, right: int) -> None:
-        starts = [(r, c) for r in range(hand, ROWS - 2 * down, HANDS) for c in range(COLUMNS - 2 * right)]
-        if right:
-            starts.sort(key=lambda s: (s[0] // HANDS * COLUMNS + s[1]) % 3)
-        for row, column in starts:
+        for row, column in order_of(hand, 2 * down, 2 * right):
             i, offset = row * COLUMNS + column, down * COLUMNS + right
             book.bend([i, i + offset, i + 2 * offset], np.array([1.0, -2.0, 1.0]), bend[i], 2 * TAU)
 
     def cells(hand: int) -> None:
-        starts = [(r, c) for r in range(hand, ROWS - 1, HANDS) for c in range(COLUMNS - 1)]
-        for row, column in sorted(starts, key=lambda s: (s[0] // HANDS * COLUMNS + s[1]) % 2):
+        for row, column in order_of(hand, 1, 1):
             i = row * COLUMNS + column
             book.bend([i, i + 1, i + COLUMNS, i + COLUMNS + 1], np.array([1.0, -1.0, -1.0, 1.0]), bend[i], 2 * TAU)
 
@@ -203,11 +262,7 @@ def textbook_sweep(book: Textbook, stiffness: dict[str, np.ndarray], rest: dict[
 
 
 def dealt(values: np.ndarray) -> np.ndarray:
-    result = np.zeros((HANDS, PLACES * COLUMNS))
-    for i, value in enumerate(values):
-        row, column = divmod(i, COLUMNS)
-        result[row % HANDS, row // HANDS * COLUMNS + column] = value
-    return result
+    return xpbd_grid.dealt(values, COLUMNS, float)
 
 
 def test_a_grid_is_solved_in_the_order_of_its_phases(rng: np.random.Generator):
@@ -230,9 +285,8 @@ def test_a_grid_is_solved_in_the_order_of_its_phases(rng: np.random.Generator):
     inside = (row + 1 < ROWS) & (column + 1 < COLUMNS)
     mobility = np.sum([np.roll(weights, -offset) for offset in (0, 1, COLUMNS, COLUMNS + 1)], axis=0)
     families.append(prepared(dealt(np.where(inside, bend, 0.0)), None, dealt(mobility), 2 * TAU, 3))
-    room = np.zeros((2, HANDS, 3, PLACES * COLUMNS))
     state = State(*(p.copy() for p in (*x, *v)))
-    grid = GridConstraints(COLUMNS, dealt(weights), room[0], room[1], *families)
+    grid = GridConstraints(COLUMNS, xpbd_grid.hands_for(ROWS, COLUMNS, float), dealt(weights), *families)
     xpbd_grid.solve_grid(GridSweeps(state, grid, TAU, 2 * TAU, 2), Team.alone(n), 0, 1, STEP)
     book = Textbook(x, v, weights)
     for _ in range(2):
@@ -246,15 +300,17 @@ def test_one_spring_is_implicit_euler(rng: np.random.Generator):
     stiffness, mass, rest, start, speed = 300.0, 0.2, 0.5, 0.6, 0.3
     x, v = np.zeros((3, 2)), np.zeros((3, 2))
     x[2, 1], v[2, 1] = start, speed
-    springs = prepared(np.array([stiffness]), np.array([rest]), np.array([1 / mass]), TAU, 1)
-    ends = np.array([[0], [1]], dtype=np.uint32)
-    mesh.stretch_listed(
-        *ends, STEP, TAU, 1e-18, springs.gain, springs.rest, None, None, np.array([0.0, 1 / mass]), *x, *v
-    )
+    of_one = blocks_of_one(np.array([[stiffness, rest, 1 / mass]])).reshape(3, packed.LANES)
+    springs = prepared(of_one[0], of_one[1], of_one[2], TAU, 1)
+    mine = Packed(x, v, np.array([0.0, 1 / mass]))
+    ends = blocks_of_one(np.array([[0, 1]], dtype=np.uint32), 2)
+    mesh.stretch_blocks(
+        0, 1, ends, STEP, TAU, 1e-18, springs.gain, springs.rest, None, None, mine.vertices, mine.rows
+    )  # fmt: skip
     # m (v1 - v0) = -h k (x0 + h v1 - l0 + tau v1).
     pull = STEP * stiffness
     expected = (mass * speed - pull * (start - rest)) / (mass + pull * (STEP + TAU))
-    assert v[2, 1] == pytest.approx(expected, rel=1e-14)
+    assert mine.velocities[2, 1] == pytest.approx(expected, rel=1e-14)
 
 
 def test_what_comes_before_and_after_the_constraints(rng: np.random.Generator):

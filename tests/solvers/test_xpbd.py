@@ -111,7 +111,7 @@ def test_what_is_absent_is_what_vanishes(layout: str):
         assert constraints.diagonal is constraints.bend_down is constraints.twist is constraints.across.impulse is None
     else:
         assert constraints.springs is not None
-        assert constraints.bend is constraints.membrane is constraints.springs.stretch.slack is None
+        assert constraints.bends is constraints.membrane is constraints.springs.stretch.slack is None
     np.testing.assert_allclose(without, with_little, atol=1e-9)
 
 

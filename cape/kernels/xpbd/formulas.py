@@ -77,6 +77,22 @@ def change_of(wanted, k, slack, impulse):
 
 
 @inlined
+def pulled(k, dx, dy, dz, ux, uy, uz, damping, tiny, gain, rest, slack, impulse):
+    """What spring k adds to the impulse along (dx, dy, dz), which it has at the step's end, of ends that move apart
+    with (ux, uy, uz); `damping` [s] or None."""
+    squared = fused(dx, dx, fused(dy, dy, fused(dz, dz, tiny)))
+    length = math.sqrt(squared)
+    stretch = fused(-rest[k], length, squared)
+    if damping is not None:
+        stretch = fused(damping, fused(ux, dx, fused(uy, dy, uz * dz)), stretch)
+    if impulse is None:
+        scale = gain[k] * stretch / squared
+    else:
+        scale = change_of(gain[k] * stretch / length, k, slack, impulse) / length
+    return scale
+
+
+@inlined
 def pull_together(
     k,
     i,
@@ -107,15 +123,7 @@ def pull_together(
     ax, ay, az, bx, by, bz = vx0[i], vy0[i], vz0[i], vx1[j], vy1[j], vz1[j]
     ux, uy, uz = bx - ax, by - ay, bz - az
     dx, dy, dz = fused(step, ux, x1[j] - x0[i]), fused(step, uy, y1[j] - y0[i]), fused(step, uz, z1[j] - z0[i])
-    squared = fused(dx, dx, fused(dy, dy, fused(dz, dz, tiny)))
-    length = math.sqrt(squared)
-    stretch = fused(-rest[k], length, squared)
-    if damping is not None:
-        stretch = fused(damping, fused(ux, dx, fused(uy, dy, uz * dz)), stretch)
-    if impulse is None:
-        scale = gain[k] * stretch / squared
-    else:
-        scale = change_of(gain[k] * stretch / length, k, slack, impulse) / length
+    scale = pulled(k, dx, dy, dz, ux, uy, uz, damping, tiny, gain, rest, slack, impulse)
     a, b = scale * w0[i], scale * w1[j]
     vx0[i], vy0[i], vz0[i] = fused(a, dx, ax), fused(a, dy, ay), fused(a, dz, az)
     vx1[j], vy1[j], vz1[j] = fused(-b, dx, bx), fused(-b, dy, by), fused(-b, dz, bz)
@@ -133,19 +141,18 @@ def draw_to_middle(k, i, j, l, time, gain, slack, impulse, w0, w1, w2, p0, p1, p
 
 
 @inlined
-def straighten_cell(k, i, j, time, gain, slack, impulse, w0, w1, p0, p1, v0, v1):
-    """C(p) = p00 - p10 - p01 + p11 along one coordinate, of vertices i and i + 1 of one group, j and j + 1 of another.
-
-    `time` is h + tau.
-    """
-    ii, jj = i + unsigned(1), j + unsigned(1)
-    a, b, c, d = v0[i], v0[ii], v1[j], v1[jj]
-    twist = fused(time, (d - c) - (b - a), (p1[jj] - p1[j]) - (p0[ii] - p0[i]))
-    change = change_of(gain[k] * twist, k, slack, impulse)
-    v0[i] = fused(-change, w0[i], a)
-    v0[ii] = fused(change, w0[ii], b)
-    v1[j] = fused(change, w1[j], c)
-    v1[jj] = fused(-change, w1[jj], d)
+def straighten_cell(
+    i, j, m, n, time, gain, slack, impulse, w00, w10, w01, w11, p00, p10, p01, p11, v00, v10, v01, v11
+):  # fmt: skip
+    """C(p) = p00 - p10 - p01 + p11 along one coordinate, of vertices i, j, m and n of four groups, which is constraint
+    i; `time` is h + tau."""
+    a, b, c, d = v00[i], v10[j], v01[m], v11[n]
+    twist = fused(time, (d - c) - (b - a), (p11[n] - p01[m]) - (p10[j] - p00[i]))
+    change = change_of(gain[i] * twist, i, slack, impulse)
+    v00[i] = fused(-change, w00[i], a)
+    v10[j] = fused(change, w10[j], b)
+    v01[m] = fused(change, w01[m], c)
+    v11[n] = fused(-change, w11[n], d)
 
 
 @inlined

@@ -17,26 +17,31 @@ from numpy.typing import NDArray
 
 from cape.kernels.cloth.membrane import Tension
 from cape.kernels.cloth.mesh import damping_of
+from cape.kernels.fused import fused
 from cape.kernels.jit import inlined, kernel, routine
 from cape.kernels.team import meet, share
+from cape.kernels.xpbd.packed import HALF, LANES, NEXT, VX, VY, VZ, W, X, Y, Z, fetch, put_back
 
 Array = NDArray[np.floating]
 
+SECOND, THIRD, FOURTH = NEXT, 2 * NEXT, 3 * NEXT  # where the rows of an edge's other vertices start
+CORNERS, SHARES, AREA = (0, 4 * LANES), (8 * LANES, 9 * LANES), 10 * LANES  # and its numbers
+NUMBERS = 11
+
 
 class MembraneConstraints(NamedTuple):
-    """Edges of a membrane sorted by colour, each of which goes from its place in `starts` to the next.
+    """Edges of a membrane sorted by colour and filled up to whole blocks of `LANES`; each colour goes from its block in
+    `starts` to the next.
 
-    `vertices` (E, 4): both ends, the third corner of one triangle and of the other, the first again where there is
-    none. `slopes` [1/m] (E, 2, 4): of either triangle from the first end: along weft and warp for the second end, then
-    for its third corner. `shares` (E, 2) of the triangles in the edge's strain, `area` [m2] (E,), `impulse` [N s]
-    (E, 3) where a step has several sweeps.
+    `vertices` (B, 4 LANES): both ends, the third corner of one triangle and of the other, nobody where there is none.
+    `numbers` (B, 11 LANES): slopes [1/m] of either triangle from the first end, four each: along weft and warp for the
+    second end, then for its third corner; shares of the triangles in the edge's strain; area [m2]. `impulse` [N s] (B,
+    3 LANES) where a step has several sweeps.
     """
 
     tension: Tension
     vertices: NDArray[np.uint32]
-    slopes: Array
-    shares: Array
-    area: Array
+    numbers: Array
     starts: NDArray[np.int64]
     impulse: Array | None
 
@@ -57,34 +62,45 @@ def forget_all(impulse, team):
 
 
 @routine
-def stretch_membrane(c, step, damping, w, s, team):
-    """Go through all edges of a membrane, if there is one, colour by colour."""
+def stretch_membrane(c, step, damping, packed, rows, team):
+    """Go through all edges of a membrane, if there is one, colour by colour; `rows` is this thread's own room."""
     if c is not None:
-        number, t = s.x.dtype.type, c.tension
+        number, t = packed.dtype.type, c.tension
         for colour in range(c.starts.size - 1):
             lo, hi = share(c.starts[colour], c.starts[colour + 1], team)
             stretch_edges(
-                lo, hi, c.vertices, c.slopes, c.shares, c.area, step, damping_of(damping, s.x), number(t.weft),
-                number(t.warp), number(t.coupling), number(t.shear), number(0.5), c.impulse, w,
-                s.x, s.y, s.z, s.vx, s.vy, s.vz,
+                lo, hi, c.vertices, c.numbers, step, damping_of(damping, packed), number(t.weft), number(t.warp),
+                number(t.coupling), number(t.shear), number(0.5), c.impulse, packed, rows,
             )  # fmt: skip
             meet(team)
 
 
 @kernel
 def stretch_edges(
-    lo, hi, vertices, slopes, shares, area, step, damping, weft, warp, coupling, shear, half, impulse, w,
-    x, y, z, vx, vy, vz,
+    lo, hi, vertices, numbers, step, damping, weft, warp, coupling, shear, half, impulse, packed, rows
 ):  # fmt: skip
-    """Solve edges lo to hi one after the other."""
-    for k in range(lo, hi):
+    """Solve the edges of blocks lo to hi."""
+    for block in range(lo, hi):
+        for k in range(4):
+            for lane in range(0, LANES, HALF):
+                fetch(packed, vertices[block], LANES * k + lane, rows, NEXT * k + lane)
+        if impulse is None:
+            solve_edges(numbers[block], step, damping, weft, warp, coupling, shear, half, None, rows)
+        else:
+            solve_edges(numbers[block], step, damping, weft, warp, coupling, shear, half, impulse[block], rows)
+        for k in range(4):
+            for lane in range(0, LANES, HALF):
+                put_back(packed, vertices[block], LANES * k + lane, rows, NEXT * k + lane)
+
+
+@inlined
+def solve_edges(numbers, step, damping, weft, warp, coupling, shear, half, impulse, rows):
+    """Solve the edges of a block, whose vertices have been fetched."""
+    for i in range(LANES):
         one = half + half
-        i, j, m, n = vertices[k, 0], vertices[k, 1], vertices[k, 2], vertices[k, 3]
-        b = apart(i, j, step, x, y, z, vx, vy, vz)
-        c = apart(i, m, step, x, y, z, vx, vy, vz)
-        d = apart(i, n, step, x, y, z, vx, vy, vz)
-        p, q = shares[k, 0], shares[k, 1]
-        g, f = slopes[k, 0], slopes[k, 1]
+        b, c, d = apart(rows, i, SECOND, step), apart(rows, i, THIRD, step), apart(rows, i, FOURTH, step)
+        p, q = numbers[SHARES[0] + i], numbers[SHARES[1] + i]
+        g, f = slopes_of(numbers, CORNERS[0] + i), slopes_of(numbers, CORNERS[1] + i)
         u, v = combined(g[0], b, g[2], c), combined(g[1], b, g[3], c)
         r, t = combined(f[0], b, f[2], d), combined(f[1], b, f[3], d)
         # Derivatives of the three strains with respect to the other three vertices; that of the first is minus the sum.
@@ -97,24 +113,28 @@ def stretch_edges(
         e0 = half * (p * (dot(u, u) - one) + q * (dot(r, r) - one))
         e1 = half * (p * (dot(v, v) - one) + q * (dot(t, t) - one))
         e2 = p * dot(u, v) + q * dot(r, t)
-        ub, uc, ud = rate(i, j, vx, vy, vz), rate(i, m, vx, vy, vz), rate(i, n, vx, vy, vz)
+        ub, uc, ud = rate(rows, i, SECOND), rate(rows, i, THIRD), rate(rows, i, FOURTH)
         e0 += damping * (dot(b0, ub) + dot(c0, uc) + dot(d0, ud))
         e1 += damping * (dot(b1, ub) + dot(c1, uc) + dot(d1, ud))
         e2 += damping * (dot(b2, ub) + dot(c2, uc) + dot(d2, ud))
 
-        wa, wb, wc, wd = w[i], w[j], w[m], w[n]
-        g00 = wa * dot(a0, a0) + wb * dot(b0, b0) + wc * dot(c0, c0) + wd * dot(d0, d0)
-        g11 = wa * dot(a1, a1) + wb * dot(b1, b1) + wc * dot(c1, c1) + wd * dot(d1, d1)
-        g22 = wa * dot(a2, a2) + wb * dot(b2, b2) + wc * dot(c2, c2) + wd * dot(d2, d2)
-        g01 = wa * dot(a0, a1) + wb * dot(b0, b1) + wc * dot(c0, c1) + wd * dot(d0, d1)
-        g02 = wa * dot(a0, a2) + wb * dot(b0, b2) + wc * dot(c0, c2) + wd * dot(d0, d2)
-        g12 = wa * dot(a1, a2) + wb * dot(b1, b2) + wc * dot(c1, c2) + wd * dot(d1, d2)
-
-        pull = step * area[k]
+        wa, wb, wc, wd = rows[W + i], rows[W + SECOND + i], rows[W + THIRD + i], rows[W + FOURTH + i]
+        w = wa, wb, wc, wd
+        g00, g01, g02 = (
+            gram(w, a0, b0, c0, d0, a0, b0, c0, d0),
+            gram(w, a0, b0, c0, d0, a1, b1, c1, d1),
+            gram(w, a0, b0, c0, d0, a2, b2, c2, d2),
+        )
+        g11, g12, g22 = (
+            gram(w, a1, b1, c1, d1, a1, b1, c1, d1),
+            gram(w, a1, b1, c1, d1, a2, b2, c2, d2),
+            gram(w, a2, b2, c2, d2, a2, b2, c2, d2),
+        )
+        pull = step * numbers[AREA + i]
         k0, k1, k01, k2 = pull * weft, pull * warp, pull * coupling, pull * shear
         r0, r1, r2 = k0 * e0 + k01 * e1, k01 * e0 + k1 * e1, k2 * e2
         if impulse is not None:
-            r0, r1, r2 = r0 - impulse[k, 0], r1 - impulse[k, 1], r2 - impulse[k, 2]
+            r0, r1, r2 = r0 - impulse[i], r1 - impulse[LANES + i], r2 - impulse[2 * LANES + i]
         time = step + damping
         s0, s1, s2 = solved(
             one + time * (k0 * g00 + k01 * g01), time * (k0 * g01 + k01 * g11), time * (k0 * g02 + k01 * g12),
@@ -122,44 +142,58 @@ def stretch_edges(
             time * k2 * g02, time * k2 * g12, one + time * k2 * g22, r0, r1, r2, one,
         )  # fmt: skip
         if impulse is not None:
-            impulse[k, 0] += s0
-            impulse[k, 1] += s1
-            impulse[k, 2] += s2
-        push(i, wa, combined3(s0, a0, s1, a1, s2, a2), vx, vy, vz)
-        push(j, wb, combined3(s0, b0, s1, b1, s2, b2), vx, vy, vz)
-        push(m, wc, combined3(s0, c0, s1, c1, s2, c2), vx, vy, vz)
-        push(n, wd, combined3(s0, d0, s1, d1, s2, d2), vx, vy, vz)
+            impulse[i] += s0
+            impulse[LANES + i] += s1
+            impulse[2 * LANES + i] += s2
+        push(rows, i, wa, combined3(s0, a0, s1, a1, s2, a2))
+        push(rows, SECOND + i, wb, combined3(s0, b0, s1, b1, s2, b2))
+        push(rows, THIRD + i, wc, combined3(s0, c0, s1, c1, s2, c2))
+        push(rows, FOURTH + i, wd, combined3(s0, d0, s1, d1, s2, d2))
 
 
 @inlined
-def apart(i, j, step, x, y, z, vx, vy, vz):
-    """From vertex i to vertex j at the step's end [m]."""
+def slopes_of(numbers, at):
+    """Four slopes of a triangle."""
+    return numbers[at], numbers[LANES + at], numbers[2 * LANES + at], numbers[3 * LANES + at]
+
+
+@inlined
+def apart(rows, i, other, step):
+    """From an edge's first vertex to another at the step's end [m]."""
+    ux, uy, uz = rate(rows, i, other)
+    j = other + i
     return (
-        x[j] - x[i] + step * (vx[j] - vx[i]),
-        y[j] - y[i] + step * (vy[j] - vy[i]),
-        z[j] - z[i] + step * (vz[j] - vz[i]),
+        fused(step, ux, rows[X + j] - rows[X + i]),
+        fused(step, uy, rows[Y + j] - rows[Y + i]),
+        fused(step, uz, rows[Z + j] - rows[Z + i]),
     )
 
 
 @inlined
-def rate(i, j, vx, vy, vz):
-    """Velocity of vertex j against vertex i [m/s]."""
-    return vx[j] - vx[i], vy[j] - vy[i], vz[j] - vz[i]
+def rate(rows, i, other):
+    """Velocity of another vertex against an edge's first [m/s]."""
+    j = other + i
+    return rows[VX + j] - rows[VX + i], rows[VY + j] - rows[VY + i], rows[VZ + j] - rows[VZ + i]
 
 
 @inlined
-def push(i, weight, change, vx, vy, vz):
-    """Take an impulse from a vertex; one that stands for none may be the same as another, so its velocity is read
-    anew."""
-    vx[i] = vx[i] - weight * change[0]
-    vy[i] = vy[i] - weight * change[1]
-    vz[i] = vz[i] - weight * change[2]
+def push(rows, i, weight, change):
+    """Take an impulse from a vertex."""
+    rows[VX + i] = fused(-weight, change[0], rows[VX + i])
+    rows[VY + i] = fused(-weight, change[1], rows[VY + i])
+    rows[VZ + i] = fused(-weight, change[2], rows[VZ + i])
 
 
 @inlined
 def dot(a, b):
     """Scalar product."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return fused(a[0], b[0], fused(a[1], b[1], a[2] * b[2]))
+
+
+@inlined
+def gram(w, a, b, c, d, e, f, g, h):
+    """Sum over four vertices of w (a e), with vectors of two constraints at each."""
+    return fused(w[0], dot(a, e), fused(w[1], dot(b, f), fused(w[2], dot(c, g), w[3] * dot(d, h))))
 
 
 @inlined
@@ -183,16 +217,16 @@ def less(a, b, c):
 @inlined
 def combined(p, a, q, b):
     """The vector p a + q b."""
-    return p * a[0] + q * b[0], p * a[1] + q * b[1], p * a[2] + q * b[2]
+    return fused(p, a[0], q * b[0]), fused(p, a[1], q * b[1]), fused(p, a[2], q * b[2])
 
 
 @inlined
 def combined3(p, a, q, b, r, c):
     """The vector p a + q b + r c."""
     return (
-        p * a[0] + q * b[0] + r * c[0],
-        p * a[1] + q * b[1] + r * c[1],
-        p * a[2] + q * b[2] + r * c[2],
+        fused(p, a[0], fused(q, b[0], r * c[0])),
+        fused(p, a[1], fused(q, b[1], r * c[1])),
+        fused(p, a[2], fused(q, b[2], r * c[2])),
     )
 
 

@@ -1,7 +1,7 @@
-"""XPBD on any mesh: constraints by colour, no two of one colour sharing a vertex.
+"""XPBD on any mesh: constraints by colour, no two of one colour sharing a vertex, on vertices packed for a step.
 
-Threads share each colour and meet after it. Within a colour the loop stays scalar: gathering 64 constraints into
-contiguous scratch, so that square roots and divisions vectorise, gains nothing that fetching them twice does not cost.
+Threads share each colour and meet after it. Springs, and the edges of a membrane, are solved `LANES` at once, a
+membrane's at a third of what they cost one by one; patches of bend springs vertex by vertex.
 """
 
 from typing import NamedTuple
@@ -9,38 +9,38 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.kernels.absent import part, row, typed
+from cape.kernels.absent import part, typed
+from cape.kernels.fused import fused
 from cape.kernels.jit import inlined, kernel, routine, unit
 from cape.kernels.state import State
 from cape.kernels.team import meet, share
-from cape.kernels.xpbd.formulas import TINY, Constraints, bend_time, change_of, forget, pull_together, set_gains
+from cape.kernels.xpbd.bending import BendConstraints, bend_patches
+from cape.kernels.xpbd.formulas import TINY, Constraints, bend_time, forget, pulled, set_gains
 from cape.kernels.xpbd.membrane import MembraneConstraints, forget_membrane, stretch_membrane
+from cape.kernels.xpbd.packed import HALF, LANES, NEXT, VX, VY, VZ, W, X, Y, Z, fetch, pack, put_back, unpack
 
 Array = NDArray[np.floating]
 
 
 class SpringConstraints(NamedTuple):
-    """Springs between two vertices each (E,), sorted by colour; each colour goes from its place in `starts` to the
-    next."""
+    """Springs between two vertices each, sorted by colour and filled up to whole blocks of `LANES`; each colour goes
+    from its block in `starts` to the next. `ends` (B, 2 LANES): first ends, then second ends; `stretch` is flat,
+    B LANES long."""
 
-    first: NDArray[np.uint32]
-    second: NDArray[np.uint32]
+    ends: NDArray[np.uint32]
     starts: NDArray[np.int64]
     stretch: Constraints
 
 
 class MeshConstraints(NamedTuple):
-    """Constraints of a mesh: springs or a membrane, None for the other, and three bend springs on each of K patches of
-    M vertices (K, M), with coefficients (K, 3, M) and `mixed` (K, 3) as in `bend_listed`, sorted by colour like the
-    springs; their `bend` is flat, 3 K long."""
+    """Constraints of a mesh: springs or a membrane, None for the other, and patches of bend springs or None. Room:
+    `packed` for its vertices, `rows` (threads, n) for those of a block."""
 
     springs: SpringConstraints | None
     membrane: MembraneConstraints | None
-    vertices: NDArray[np.uint32]
-    coefficients: Array
-    mixed: Array
-    bend_starts: NDArray[np.int64]
-    bend: Constraints | None
+    bends: BendConstraints | None
+    packed: Array
+    rows: Array
 
 
 class MeshSweeps(NamedTuple):
@@ -59,77 +59,57 @@ def prepare_mesh(g, team, substep, substeps, step):
     """Set all gains for a step."""
     s, c = g.state, g.constraints
     prepare_springs(c.springs, typed(step, s.x), typed(g.damping, s.x), team)
-    prepare_list(c.bend, typed(step, s.x), typed(g.bend_damping, s.x), team)
+    prepare_bends(c.bends, typed(step, s.x), typed(g.bend_damping, s.x), team)
     meet(team)
 
 
 @unit
 def solve_mesh(g, team, substep, substeps, step):
     """Change the velocities to those of the step's end, in so many sweeps."""
-    s, c = g.state, g.constraints
+    s, c, lo, hi = g.state, g.constraints, team.lo, team.hi
     h, tau = typed(step, s.x), typed(g.damping, s.x)
     time = bend_time(h, typed(g.bend_damping, s.x))
+    pack(lo, hi, g.inverse_mass, s.x, s.y, s.z, s.vx, s.vy, s.vz, c.packed)
     forget_springs(c.springs, team)
     forget_membrane(c.membrane, team)
-    forget_list(c.bend, team)
+    forget_bends(c.bends, team)
     meet(team)
     for _ in range(g.iterations):
-        stretch_colours(g, c.springs, h, tau, team)
-        stretch_membrane(c.membrane, h, tau, g.inverse_mass, s, team)
-        bend_colours(g, c.bend, time, team)
+        stretch_colours(c.springs, h, tau, c.packed, c.rows[team.rank], team)
+        stretch_membrane(c.membrane, h, tau, c.packed, c.rows[team.rank], team)
+        bend_patches(c.bends, time, c.packed, team)
+    unpack(lo, hi, c.packed, s.vx, s.vy, s.vz)
 
 
 @kernel
-def stretch_listed(
-    first, second, step, damping, tiny, gain, rest, slack, impulse, w, x, y, z, vx, vy, vz
-):  # fmt: skip
-    """Springs between listed vertices, one after the other."""
-    for k in range(first.size):
-        pull_together(
-            k, first[k], second[k], step, damping, tiny, gain, rest, slack, impulse,
-            w, w, x, y, z, x, y, z, vx, vy, vz, vx, vy, vz,
-        )  # fmt: skip
-
-
-@kernel
-def bend_listed(
-    vertices, coefficients, mixed, time, gain, slack, impulse_x, impulse_y, impulse_z, w, x, y, z, vx, vy, vz
-):  # fmt: skip
-    """C(p) = sum c_a p_a for three rows of coefficients (K, 3, M) on the listed vertices (K, M), along all three
-    coordinates; `time` is h + tau.
-
-    The rows are solved one after the other as if each were by itself; but all are told before any vertex is changed,
-    and what one changes of the next ones' C is known beforehand: `mixed` (K, 3), the sums w c c' of the rows 0 and 1,
-    0 and 2, 1 and 2 [1/kg].
-    """
-    for k in range(vertices.shape[0]):
-        members, rows, none = vertices[k], coefficients[k], type(time)(0.0)
-        ax = ay = az = bx = by = bz = cx = cy = cz = none
-        for m in range(members.size):
-            j = members[m]
-            px, py, pz = x[j] + time * vx[j], y[j] + time * vy[j], z[j] + time * vz[j]
-            a, b, c = rows[0, m], rows[1, m], rows[2, m]
-            ax, ay, az = ax + a * px, ay + a * py, az + a * pz
-            bx, by, bz = bx + b * px, by + b * py, bz + b * pz
-            cx, cy, cz = cx + c * px, cy + c * py, cz + c * pz
-        ax, bx, cx = three_changes(k, ax, bx, cx, mixed[k], time, gain, slack, impulse_x)
-        ay, by, cy = three_changes(k, ay, by, cy, mixed[k], time, gain, slack, impulse_y)
-        az, bz, cz = three_changes(k, az, bz, cz, mixed[k], time, gain, slack, impulse_z)
-        for m in range(members.size):
-            j = members[m]
-            a, b, c = w[j] * rows[0, m], w[j] * rows[1, m], w[j] * rows[2, m]
-            vx[j] = vx[j] - (a * ax + b * bx + c * cx)
-            vy[j] = vy[j] - (a * ay + b * by + c * cy)
-            vz[j] = vz[j] - (a * az + b * bz + c * cz)
+def stretch_blocks(lo, hi, ends, step, damping, tiny, gain, rest, slack, impulse, packed, rows):
+    """Solve the springs of blocks lo to hi."""
+    for block in range(lo, hi):
+        for k in range(2):
+            for lane in range(0, LANES, HALF):
+                fetch(packed, ends[block], LANES * k + lane, rows, NEXT * k + lane)
+        solve_springs(np.uint64(LANES * block), step, damping, tiny, gain, rest, slack, impulse, rows)
+        for k in range(2):
+            for lane in range(0, LANES, HALF):
+                put_back(packed, ends[block], LANES * k + lane, rows, NEXT * k + lane)
 
 
 @inlined
-def three_changes(k, a, b, c, mixed, time, gain, slack, impulse):
-    """What is added to the impulses of patch k along one coordinate, of whose bend springs C is given."""
-    a = change_of(gain[3 * k] * a, 3 * k, slack, impulse)
-    b = change_of(gain[3 * k + 1] * (b - time * mixed[0] * a), 3 * k + 1, slack, impulse)
-    c = change_of(gain[3 * k + 2] * (c - time * (mixed[1] * a + mixed[2] * b)), 3 * k + 2, slack, impulse)
-    return a, b, c
+def solve_springs(first, step, damping, tiny, gain, rest, slack, impulse, rows):
+    """Solve the springs of a block, whose ends have been fetched."""
+    for lane in range(LANES):
+        i, j = lane, NEXT + lane
+        ax, ay, az, bx, by, bz = rows[VX + i], rows[VY + i], rows[VZ + i], rows[VX + j], rows[VY + j], rows[VZ + j]
+        ux, uy, uz = bx - ax, by - ay, bz - az
+        dx, dy, dz = (
+            fused(step, ux, rows[X + j] - rows[X + i]),
+            fused(step, uy, rows[Y + j] - rows[Y + i]),
+            fused(step, uz, rows[Z + j] - rows[Z + i]),
+        )
+        scale = pulled(first + np.uint64(lane), dx, dy, dz, ux, uy, uz, damping, tiny, gain, rest, slack, impulse)
+        a, b = scale * rows[W + i], scale * rows[W + j]
+        rows[VX + i], rows[VY + i], rows[VZ + i] = fused(a, dx, ax), fused(a, dy, ay), fused(a, dz, az)
+        rows[VX + j], rows[VY + j], rows[VZ + j] = fused(-b, dx, bx), fused(-b, dy, by), fused(-b, dz, bz)
 
 
 @routine
@@ -167,31 +147,28 @@ def forget_springs(springs, team):
 
 
 @routine
-def stretch_colours(g, c, step, damping, team):
-    """Go through all springs, if there are any, colour by colour."""
-    if c is not None:
-        s, w, springs = g.state, g.inverse_mass, c.stretch
-        for colour in range(c.starts.size - 1):
-            lo, hi = share(c.starts[colour], c.starts[colour + 1], team)
-            stretch_listed(
-                c.first[lo:hi], c.second[lo:hi], step, damping, typed(TINY, s.x), springs.gain[lo:hi],
-                springs.rest[lo:hi], part(springs.slack, lo, hi), part(springs.impulse, lo, hi), w,
-                s.x, s.y, s.z, s.vx, s.vy, s.vz,
-            )  # fmt: skip
-            meet(team)
+def prepare_bends(bends, step, damping, team):
+    """Set this thread's share of the bend springs' gains."""
+    if bends is not None:
+        prepare_list(bends.bend, step, damping, team)
 
 
 @routine
-def bend_colours(g, bends, time, team):
-    """Go through all bend constraints, colour by colour."""
-    s, c = g.state, g.constraints
+def forget_bends(bends, team):
+    """Set this thread's share of the bend springs' impulses to zero, where they are kept at all."""
     if bends is not None:
-        for colour in range(c.bend_starts.size - 1):
-            lo, hi = share(c.bend_starts[colour], c.bend_starts[colour + 1], team)
-            a, e = 3 * lo, 3 * hi
-            bend_listed(
-                c.vertices[lo:hi], c.coefficients[lo:hi], c.mixed[lo:hi], time, bends.gain[a:e],
-                part(bends.slack, a, e), part(row(bends.impulse, 0), a, e), part(row(bends.impulse, 1), a, e),
-                part(row(bends.impulse, 2), a, e), g.inverse_mass, s.x, s.y, s.z, s.vx, s.vy, s.vz,
+        forget_list(bends.bend, team)
+
+
+@routine
+def stretch_colours(c, step, damping, packed, rows, team):
+    """Go through all springs, if there are any, colour by colour; `rows` is this thread's own room."""
+    if c is not None:
+        springs = c.stretch
+        for colour in range(c.starts.size - 1):
+            lo, hi = share(c.starts[colour], c.starts[colour + 1], team)
+            stretch_blocks(
+                lo, hi, c.ends, step, damping, typed(TINY, packed), springs.gain, springs.rest, springs.slack,
+                springs.impulse, packed, rows,
             )  # fmt: skip
             meet(team)
