@@ -119,7 +119,7 @@ def motion(
 
 
 def cut(
-    garment: Annotated[str, typer.Option(help="What is worn (cape garments lists them).")] = "back_cape",
+    garment: Annotated[str, typer.Option(help="What is worn (cape garments lists them).")] = "shoulder_cape",
     fabric: Annotated[str, typer.Option(help="Name of a fabric (cape fabrics lists them).")] = "cape",
     spacing: Annotated[
         float | None, typer.Option(help="Mean distance of the cloth's vertices [m]; by default for 1,500 of them.")

@@ -8,7 +8,7 @@ from cape.garments.shoulder_cape import SHOULDER_CAPE
 from motions.errors import UnknownNameError
 
 GARMENTS: dict[str, Garment] = {garment.name: garment for garment in (BACK_CAPE, SHOULDER_CAPE, CLOAK, HALF_CAPE)}
-DEFAULT = BACK_CAPE.name
+DEFAULT = SHOULDER_CAPE.name
 
 
 def garment(name: str) -> Garment:

@@ -150,9 +150,9 @@ def plain(*, spacing: float = 0.0257, fabric: Fabric | None = None, seconds: flo
 
 
 def worn(clip: str, *, vertices: int | None = None, fabric: Fabric | None = None) -> StandardScene:
-    """A cape on a body that moves as a shipped clip tells, with about so many vertices."""
+    """A cape that hangs from the shoulders of a body which moves as a shipped clip tells, of about so many vertices."""
     import motions
-    from cape.garments.back_cape import SPACING
+    from cape.garments.back_cape import BACK_CAPE, SPACING
     from cape.scene.dress import dress
     from skeleton.model import Skeleton
 
@@ -161,8 +161,8 @@ def worn(clip: str, *, vertices: int | None = None, fabric: Fabric | None = None
     track = body.track(motion)
     spacing = SPACING * body.height()
     if vertices is not None:
-        spacing *= np.sqrt(dress(body, track).cloth.vertices / vertices)
-    return StandardScene(clip, dress(body, track, spacing=spacing, fabric=fabric), track)
+        spacing *= np.sqrt(dress(body, track, garment=BACK_CAPE.name).cloth.vertices / vertices)
+    return StandardScene(clip, dress(body, track, garment=BACK_CAPE.name, spacing=spacing, fabric=fabric), track)
 
 
 STANDARD_SCENES: dict[str, Callable[[], StandardScene]] = {

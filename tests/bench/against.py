@@ -35,7 +35,7 @@ if scene == "walk":
     clip = motions.load("walk")
     body = skeleton.Skeleton.from_clip(clip)
     track = body.track(clip)
-    scene = cape.dress(body, track)
+    scene = cape.dress(body, track, garment="back_cape")
 elif scene == "plain":
     standard = plain(seconds=10.0)
     scene, track = standard.scene, standard.track

@@ -67,7 +67,7 @@ def report(
     """Hang a cape on the robot, of fabric lighter by a share, and print what came of it."""
     track = body.track(motion)
     fabric = cape.Fabric(density=(1.0 - lighter) * cape.Fabric().density)
-    scene = cape.dress(body, track, colliders=hitboxes.solids, fabric=fabric)
+    scene = cape.dress(body, track, garment="back_cape", colliders=hitboxes.solids, fabric=fabric)
     take = cape.simulate(scene, track, solver=cape.solver(solver), name=motion_name)
     span = float(take.bones.times[-1] - take.bones.times[0])
     finite = "" if np.isfinite(take.positions).all() else "not finite, "

@@ -69,7 +69,7 @@ def measure_clip(clip: str, solver: Solver) -> ClipRow:
     motion = motions.load(clip)
     body = Skeleton.from_clip(motion)
     track = body.track(motion)
-    scene = cape.dress(body, track)
+    scene = cape.dress(body, track, garment="back_cape")
     take = cape.simulate(scene, track, solver=solver)
     free = free_vertices(scene)
     ours, everything = penetration(take, counted=free), penetration(take)

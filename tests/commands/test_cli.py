@@ -98,7 +98,8 @@ def test_a_users_mistake_is_one_line_and_status_2(case, broken, forks):
 
 KEYS = [
     "frames", "fps", "vertices", "bones", "capsules", "solver", "substeps", "compile_s", "solve_s", "realtime_factor",
-    "stretch_max", "stretch_p99", "penetration_max_mm", "self_contact_mm", "left_out", "jumps", "result", "warnings",
+    "stretch_max", "stretch_p99", "shoulders_covered", "collar_gap_mm", "collar_gap_p95_mm", "folds", "hem_m",
+    "penetration_max_mm", "self_contact_mm", "left_out", "jumps", "result", "warnings",
     "output",
 ]  # fmt: skip
 
@@ -172,7 +173,8 @@ def test_self_contact_is_told_in_the_summary(once):
 def test_options_reach_the_simulation(once, plain):
     usual, _ = plain
     coarse = once.facts(*DENIM)
-    assert coarse["vertices"] < usual["vertices"] / 3
+    # Vertices 5 cm apart instead of 0.0252 of 1.75 m, rows and columns each to the nearest.
+    assert coarse["vertices"] == pytest.approx(usual["vertices"] * (0.0252 * 1.75 / 0.05) ** 2, rel=0.05)
     assert coarse["substeps"] < usual["substeps"]
     short = once.facts("replay", "walk", "--end", "0.2", "-o", "out.rrd", "--length", "0.5", "--fps", "30")
     assert short["vertices"] < 0.6 * usual["vertices"]

@@ -55,7 +55,8 @@ def test_a_cape_follows_the_bodys_measures(walker):
     body, track = walker
     clip = motions.load("walk", height=0.5 * body.height())
     small = Skeleton.from_clip(clip)
-    big_cloth, small_cloth = cape.dress(body, track).cloth, cape.dress(small, small.track(clip)).cloth
+    big_cloth = cape.dress(body, track, garment="back_cape").cloth
+    small_cloth = cape.dress(small, small.track(clip), garment="back_cape").cloth
     assert small_cloth.vertices == big_cloth.vertices
     np.testing.assert_allclose(2.0 * small_cloth.pattern, big_cloth.pattern, rtol=0.01, atol=1e-3)
 
@@ -64,7 +65,7 @@ def test_a_motion_without_shoulders_is_refused_by_name(walker):
     body, track = walker
     without = replace(track, roles={r: b for r, b in track.roles.items() if r != "left_shoulder"})
     with pytest.raises(UnknownNameError, match="left_shoulder"):
-        cape.dress(body, without)
+        cape.dress(body, without, garment="back_cape")
 
 
 def test_a_floor_lies_under_solids_of_any_kind():
@@ -85,7 +86,7 @@ def test_a_floor_lies_under_solids_of_any_kind():
 def test_a_neckline_clears_a_trunk_upwards_or_else_backwards(walker, radius, lifted):
     body, track = walker
     ball = cape.Sphere(name="trunk", bone=body.role("chest"), radius=radius)
-    scene = replace(cape.dress(body, track, colliders=[ball]), attachments=[])
+    scene = replace(cape.dress(body, track, garment="back_cape", colliders=[ball]), attachments=[])
     pose = read_pose(poses_of(track.first(1), scene.bones)[0], scene.bones)
     assert scene.cloth.neckline is not None
     count = len(scene.cloth.neckline)
