@@ -43,6 +43,7 @@ def grid_springs(cloth: GridCloth) -> Springs:
     across = np.linalg.norm(np.diff(grid, axis=1), axis=2)
     along = np.linalg.norm(np.diff(grid, axis=0), axis=2)
     layers = np.ones_like(across[1:]) if cloth.layers is None else cloth.layers
+    along_warp = layers if cloth.gathers is None else layers * cloth.gathers
     a = (across[:-1] + across[1:]) / 2.0
     b = (along[:, :-1] + along[:, 1:]) / 2.0
 
@@ -51,7 +52,7 @@ def grid_springs(cloth: GridCloth) -> Springs:
     half = 0.5 * layers * (b / a) * np.maximum(weft - fabric.shear * (a / b) ** 2, LEAST_SHARE * weft)
     right[:-1, :-1] += half
     right[1:, :-1] += half
-    half = 0.5 * layers * (a / b) * np.maximum(warp - fabric.shear * (b / a) ** 2, LEAST_SHARE * warp)
+    half = 0.5 * along_warp * (a / b) * np.maximum(warp - fabric.shear * (b / a) ** 2, LEAST_SHARE * warp)
     down[:-1, :-1] += half
     down[:-1, 1:] += half
     diagonal, anti = np.zeros((rows, columns)), np.zeros((rows, columns))
@@ -61,8 +62,8 @@ def grid_springs(cloth: GridCloth) -> Springs:
     height, width = np.zeros((rows, columns - 1)), np.zeros((rows - 1, columns))
     height[:-1] += layers * b / 2.0
     height[1:] += layers * b / 2.0
-    width[:, :-1] += layers * a / 2.0
-    width[:, 1:] += layers * a / 2.0
+    width[:, :-1] += along_warp * a / 2.0
+    width[:, 1:] += along_warp * a / 2.0
     bend_right, bend_down, twist = np.zeros((3, rows, columns))
     bend_right[:, :-2] = fabric.bend_weft * _middle(height, 1) / _middle(across, 1) ** 3
     bend_down[:-2] = fabric.bend_warp * _middle(width, 0) / _middle(along, 0) ** 3

@@ -272,11 +272,15 @@ class GridCloth(Cloth):
         columns: number of columns.
         darted: whether darts or gathers give it a shape that does not lie flat: it has no tension where it starts, and
             its pattern is a mere picture of it. Otherwise it has none as its pattern.
+        gathers: for each cell the width of the cloth that is gathered into it, divided by its own, shape (rows - 1,
+            columns - 1); None where nothing is gathered. Sewn down in its folds, that cloth has all of its weight and
+            all of its warp threads, and is drawn across as a single layer is.
     """
 
     rows: int
     columns: int
     darted: bool = False
+    gathers: FloatArray | None = None
 
     @property
     def places_at_rest(self) -> FloatArray:
@@ -309,8 +313,11 @@ class GridCloth(Cloth):
 
     def masses(self) -> FloatArray:
         """Mass of each vertex [kg], shape (V,): a third of its triangles' area in the pattern times the density."""
-        layers = np.ones(1) if self.layers is None else np.tile(self.layers.ravel(), 2)
-        return _thirds(self.triangles, areas(self.corners_at_rest) * layers * self.fabric.density, self.vertices)
+        sheets = np.ones((self.rows - 1, self.columns - 1))
+        for thicker in (self.layers, self.gathers):
+            sheets *= 1.0 if thicker is None else thicker
+        weights = areas(self.corners_at_rest) * np.tile(sheets.ravel(), 2) * self.fabric.density
+        return _thirds(self.triangles, weights, self.vertices)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -39,11 +39,13 @@ class Hold(NamedTuple):
 
 
 class Worn(NamedTuple):
-    """A garment cut for a body: its cloth, what holds it, and whether it is put on with arms lowered."""
+    """A garment cut for a body: its cloth, what holds it, whether it is put on with arms lowered, and the distance at
+    which colliders stop it [m], None for that of any scene."""
 
     cloth: Cloth
     holds: tuple[Hold, ...]
     arms_lowered: bool
+    thickness: float | None = None
 
 
 @dataclass(frozen=True)

@@ -19,13 +19,17 @@ from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
 
-CLEARANCE = 0.008  # m between the body and the garment as it is cut
-ROOM = 0.008  # m that the collar is wider than the neck, besides
+CLEARANCE = 0.0015  # m between the garment as it is cut and what stops it
 STEEPEST = 0.9  # descent of the yoke per way outwards: beyond the shoulders' edge it does not follow the body
-COLLAR_ROWS = 2  # that the chest holds
+COLLAR = 0.045  # of the body's height: width of the collar, which the chest holds
 HEM_LAYERS = 3.0  # of fabric in the sewn hem; the collar has twice as many
+NAPE = 0.5  # rad to either side of the middle of the back: beyond it the neck's sides begin
 STIFF = 0.6  # rad around the neck, over which a collar is even
-SPACING = 0.0172  # of the body's height, for fewer vertices than two threads share: triangles in contact are all one's
+SPACING = 0.0252  # of the body's height, for about as many vertices as a cape that hangs from the shoulders
+LIMB = 0.02  # of the body's height: radius of the thinnest limb that it hangs on, the forearm
+STRAINED = 1.05  # length of a thread over that at rest, at most
+LEAST = 0.005  # m that colliders stop it at in any case: of thick cloth half of its own thickness
+WIDER = 1.3  # width of a cell at the hem over the mean spacing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,21 +50,32 @@ class Cut:
 
     def fit(self, fitted: Fitted, measures: Measures) -> Worn:
         """Cut it for a body, to be held by the chest along its collar."""
+        spacing = SPACING * fitted.height if measures.spacing is None else measures.spacing
+        thickness = _room_between(spacing, LIMB * fitted.height)
         cloth, collar = lay_out(
             fitted,
             self.begin,
             self.end,
             length=self.length * fitted.height if measures.length is None else measures.length,
             flare=self.flare if measures.flare is None else measures.flare,
-            spacing=SPACING * fitted.height if measures.spacing is None else measures.spacing,
+            spacing=spacing,
+            clearance=thickness + CLEARANCE,
             fabric=measures.fabric or Fabric(),
         )
         held = Hold("chest", "collar", fitted.into_bone("chest", collar))
-        return Worn(cloth, (held,), arms_lowered=True)
+        return Worn(cloth, (held,), arms_lowered=True, thickness=thickness)
 
 
 def lay_out(
-    fitted: Fitted, begin: float, end: float, *, length: float, flare: float, spacing: float, fabric: Fabric
+    fitted: Fitted,
+    begin: float,
+    end: float,
+    *,
+    length: float,
+    flare: float,
+    spacing: float,
+    clearance: float,
+    fabric: Fabric,
 ) -> tuple[GridCloth, FloatArray]:
     """Lay a garment around a body's neck.
 
@@ -71,6 +86,7 @@ def lay_out(
         length: from the collar to the hem [m].
         flare: length of the hem divided by that of the ring around the shoulders.
         spacing: mean distance of neighbouring vertices [m].
+        clearance: least distance from the body, as it is cut [m].
         fabric: what it is made of.
 
     Returns:
@@ -82,17 +98,19 @@ def lay_out(
     for name, value in (("length", length), ("flare", flare), ("spacing", spacing)):
         if not 0.0 < value < np.inf:
             raise ValueRangeError(f"the {name} must be positive and finite, not {value}")
-    neck, top = fitted.collar(CLEARANCE)
-    radius, reach = neck + ROOM, fitted.girth(CLEARANCE)
-    down = np.linspace(0.0, length, tailoring.cells(length, spacing) + 1)
-    edge = int(np.searchsorted(down, reach - radius))
-    if edge + COLLAR_ROWS >= len(down):
+    neck, top = fitted.collar(clearance)
+    radius, reach = neck, fitted.girth(clearance)
+    if length - (reach - radius) < 2.0 * spacing:
         raise ValueRangeError(f"a garment {length:.2f} m long ends on the shoulders, {reach - radius:.2f} m wide")
+    edge = tailoring.cells((reach - radius) * np.hypot(1.0, STEEPEST), spacing)
+    below = tailoring.cells(length - (reach - radius), spacing)
+    down = np.append(np.linspace(0.0, reach - radius, edge + 1), np.linspace(reach - radius, length, below + 1)[1:])
+    collar = 1 + max(round(COLLAR * fitted.height / spacing), 1)  # rows of it
     hem = max(flare, 1.0) * reach
     rings = np.interp(down, [0.0, max(reach - radius, down[1]), length], [radius, max(reach, radius), hem])
     columns = max(tailoring.cells((begin - end) * float(rings.mean()), spacing), 7) + 1
     angles = np.linspace(begin, end, columns)
-    heights = _heights(fitted, rings, angles, down, edge, top)
+    heights = _heights(fitted, rings, angles, down, edge, top, clearance)
     places = np.stack(
         np.broadcast_arrays(fitted.neck[0] - rings[:, None] * np.cos(angles), rings[:, None] * np.sin(angles), heights),
         axis=-1,
@@ -109,14 +127,34 @@ def lay_out(
         positions=places.reshape(-1, 3),
         frame="wearer",
         fabric=fabric,
+        gathers=_gathers(rings, down, edge, columns),
         layers=tailoring.sewn_edges(places, rows, columns, HEM_LAYERS),
-        regions={**tailoring.grid_regions(rows, columns), "collar": np.arange(COLLAR_ROWS * columns)},
+        regions={**tailoring.grid_regions(rows, columns), "collar": np.arange(collar * columns)},
     )
-    return cloth, places[:COLLAR_ROWS].reshape(-1, 3)
+    return cloth, places[:collar].reshape(-1, 3)
+
+
+def _gathers(rings: FloatArray, down: FloatArray, edge: int, columns: int) -> FloatArray:
+    """How much cloth each cell takes up, shape (rows - 1, columns - 1): what is cut as one piece below the row `edge`
+    goes on above it as wide as it would be there, and is gathered."""
+    middles, ways = (rings[1:] + rings[:-1]) / 2.0, (down[1:] + down[:-1]) / 2.0
+    slope = (rings[-1] - rings[edge]) / (down[-1] - down[edge])
+    cut = rings[edge] + slope * (ways - down[edge])
+    return np.repeat(np.maximum(cut / middles, 1.0)[:, None], columns - 1, axis=1)
+
+
+def _room_between(spacing: float, radius: float) -> float:
+    """Distance from a round limb at which the vertices of the hem hold all of the cloth between them off it [m].
+
+    The middle of a cell, at p from its corners, is as far from the axis of a cylinder of radius r as
+    sqrt((r + t)^2 - p^2) when these are at t from its surface.
+    """
+    from_corners = STRAINED * spacing * float(np.hypot(1.0, WIDER)) / 2.0
+    return max(float(np.hypot(radius, from_corners)) - radius, LEAST)
 
 
 def _heights(
-    fitted: Fitted, rings: FloatArray, angles: FloatArray, down: FloatArray, edge: int, top: float
+    fitted: Fitted, rings: FloatArray, angles: FloatArray, down: FloatArray, edge: int, top: float, clearance: float
 ) -> FloatArray:
     """Heights of all vertices above the shoulder joints [m], shape (rows, columns).
 
@@ -126,12 +164,20 @@ def _heights(
     heights = np.full((len(rings), len(angles)), top)
     for row in range(edge + 1):
         before = heights[max(row - 1, 0)]
-        heights[row] = _even(fitted.lie_on(rings[row], angles, CLEARANCE, before), angles)
-        if row:
+        heights[row] = _even(fitted.lie_on(rings[row], angles, clearance, before), angles)
+        if row == 0:
+            heights[row] = np.maximum(heights[row], _span(heights[row], angles))
+        else:
             heights[row] = np.maximum(heights[row], before - STEEPEST * (rings[row] - rings[row - 1]))
     ways, wider = np.diff(down[edge:]), np.diff(rings[edge:])
     heights[edge + 1 :] = heights[edge] - np.cumsum(np.sqrt(np.maximum(ways**2 - wider**2, 0.0)))[:, None]
     return heights
+
+
+def _span(heights: FloatArray, angles: FloatArray) -> FloatArray:
+    """Heights of a collar that goes straight from beside the neck to beside the neck behind it, shape (n,)."""
+    beside = [heights[side].max(initial=-np.inf) for side in (angles > NAPE, angles < -NAPE)]
+    return np.where(np.abs(angles) <= np.pi / 2.0, min(beside), -np.inf)
 
 
 def _even(heights: FloatArray, angles: FloatArray) -> FloatArray:

@@ -21,10 +21,12 @@ FloatArray = NDArray[np.float64]
 
 FINE = 0.002  # m between heights and widths that are tried
 HIGHEST, LOWEST = 0.09, -0.04  # of the body's height above the shoulder joints: where a collar may lie
+TALLEST = 0.16  # the same on a trunk that goes on above the shoulders, as a robot's
 WIDEST = 0.12  # of the body's height: radius of a collar, at most
 NARROWEST = 0.03  # the same, at least
 BROADEST = 0.35  # the same of a ring around the shoulders, at most
 UPPER_ARM = 0.15  # of the body's height: how far below the shoulder joints such a ring must be clear
+COLLARED = 0.27  # of the way from the neck's joint to the head's: where a collar lies, lower in front than behind
 AROUND = 96  # directions in which a collar is fitted
 
 
@@ -62,11 +64,11 @@ class Fitted:
 
     @property
     def neck(self) -> FloatArray:
-        """Where the neck leaves the trunk, as seen from above: x and y [m], shape (2,)."""
+        """Where the neck is as high as a collar lies, as seen from above: x and y [m], shape (2,)."""
         if "neck" not in self._rest.roles:
             return np.zeros(2)
-        forward = (self._rest.origin("neck") - self._origin) @ self._axes[:, 0]
-        return np.array([forward, 0.0])
+        start, end = ((self._rest.origin(role) - self._origin) @ self._axes[:, 0] for role in ("neck", "head"))
+        return np.array([start + COLLARED * (end - start), 0.0])
 
     def pose(self, bones: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         """Origins [m] (n, 3) and rotations bone_to_wearer wxyz (n, 4) of bones by name or role."""
@@ -100,11 +102,12 @@ class Fitted:
             ValueRangeError: what surrounds the neck is too thick.
         """
         angles = np.linspace(-np.pi, np.pi, AROUND, endpoint=False)
-        heights = np.arange(0.0, HIGHEST, FINE / self.height) * self.height
-        for radius in np.arange(NARROWEST * self.height, WIDEST * self.height, FINE):
-            clear = (self._off_ring(radius, angles, heights) >= clearance).all(axis=0)
-            if clear.any():
-                return float(radius), float(heights[np.argmax(clear)])
+        for highest in (HIGHEST, TALLEST):
+            heights = np.arange(0.0, highest, FINE / self.height) * self.height
+            for radius in np.arange(NARROWEST * self.height, WIDEST * self.height, FINE):
+                clear = (self._off_ring(radius, angles, heights) >= clearance).all(axis=0)
+                if clear.any():
+                    return float(radius), float(heights[np.argmax(clear)])
         raise ValueRangeError(f"no collar of less than {WIDEST * self.height:.2f} m clears the neck")
 
     def girth(self, clearance: float) -> float:
@@ -129,13 +132,13 @@ class Fitted:
             clearance: least distance from all colliders [m].
             start: where it is let down from [m], shape (n,); where it is not clear there, from the next place above.
         """
-        heights = np.arange(LOWEST, HIGHEST, FINE / self.height) * self.height
+        heights = np.arange(LOWEST, TALLEST, FINE / self.height) * self.height
         free = self._off_ring(radius, angles, heights) >= clearance
         above = heights >= start[:, None] - FINE
         first = np.argmax(free & above, axis=1)
         blocked = ~free & (np.arange(len(heights)) < first[:, None])
         lowest = np.where(blocked, np.arange(len(heights)) + 1, 0).max(axis=1)
-        return np.where((free & above).any(axis=1), heights[lowest], HIGHEST * self.height)
+        return np.where((free & above).any(axis=1), heights[lowest], TALLEST * self.height)
 
     def _off_ring(self, radius: float, angles: FloatArray, heights: FloatArray) -> FloatArray:
         """Distance of a ring around the neck from the nearest collider [m], at n angles and m heights, shape (n, m)."""

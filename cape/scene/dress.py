@@ -53,19 +53,20 @@ def dress(
     kind = registry.garment(garment)
     colliders = body.capsules() if colliders is None else tuple(colliders)
     fitted = Fitted(body, colliders)
-    cloth, holds, arms_lowered = kind.fit(fitted, Measures(length=length, flare=flare, spacing=spacing, fabric=fabric))
-    for role in (*(hold.bone for hold in holds), *WEARER_ROLES):
+    worn = kind.fit(fitted, Measures(length=length, flare=flare, spacing=spacing, fabric=fabric))
+    for role in (*(hold.bone for hold in worn.holds), *WEARER_ROLES):
         body.role(role)  # says how to name a bone by hand where none is found
     scene = Scene(
-        cloth,
-        [attach(cloth, hold.bone, hold.region, points=hold.points) for hold in holds],
+        worn.cloth,
+        [attach(worn.cloth, hold.bone, hold.region, points=hold.points) for hold in worn.holds],
         (*colliders, floor_under(colliders, track)),
         wind=wind or Wind(),
+        thickness=Scene.thickness if worn.thickness is None else worn.thickness,
         wearer=(_beginning(body, WEARER_ROLES[0]), _beginning(body, WEARER_ROLES[1]), WEARER_ROLES[2]),
     )
     for bone in scene.bones:
         track.index(bone)
-    if not arms_lowered:
+    if not worn.arms_lowered:
         return scene
     return replace(scene, dressing=dict(zip(scene.bones, zip(*fitted.pose(scene.bones), strict=True), strict=True)))
 

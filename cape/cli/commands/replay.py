@@ -9,6 +9,7 @@ from typing import Any
 from cape.assembly.self_contact import contact_thickness
 from cape.cli.character import Character, read_character
 from cape.cli.checking import check_rows, checked, step_error_facts, step_error_rows
+from cape.cli.fitting import fit_facts, fit_rows
 from cape.cli.output import open_viewer, output_path
 from cape.cli.reading import Reading
 from cape.cli.retargeting import retarget_facts, retarget_rows
@@ -18,6 +19,7 @@ from cape.cloth.fabrics import fabric
 from cape.garments import registry
 from cape.record import LAYERS
 from cape.record.layers import check_layers
+from cape.results.fit import fit_of
 from cape.results.take import Take
 from cape.run.auto import Auto
 from cape.scene.dress import dress
@@ -159,6 +161,7 @@ def _facts(take: Take, scene: Scene, bones: int, notes: list[str], path: Path) -
         "realtime_factor": round(seconds / take.solve_s, 2) if take.solve_s > 0.0 else None,
         "stretch_max": round(float(take.stretch_max.max()), 5),
         "stretch_p99": round(take.stretch_p99, 5),
+        **fit_facts(fit_of(take, scene.cloth, scene.wearer)),
         "penetration_max_mm": round(float(take.penetration.max()) * 1000.0, 3),
         "self_contact_mm": None if scene.self_contact is None else round(1000.0 * contact_thickness(scene), 3),
         "left_out": dict(take.left_out),
@@ -189,6 +192,7 @@ def _print_table(take: Take, facts: dict[str, Any]) -> None:
         ("compile time", f"{facts['compile_s']:.2f} s, and {facts['settle_s']:.2f} s to put the cape on"),
         ("run time", f"{facts['solve_s']:.2f} s" + (f", {factor:g} times real time" if factor else "")),
         ("largest stretch", stretch),
+        *fit_rows(facts),
         ("deepest penetration", penetration),
         *check_rows(facts.get("check", {})),
         ("result", facts["result"]),

@@ -1,0 +1,119 @@
+"""How a garment sits over a take: what it covers, how close its collar is, in how many folds it falls and how low."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.cloth.cloth import Cloth
+from cape.measure.wearing import folds, ray_hits
+from cape.results.take import Take
+from cape.scene.colliders import Collider
+from cape.scene.scene import Scene
+from motions import quaternions
+from motions.errors import UnknownNameError
+
+FloatArray = NDArray[np.float64]
+
+CLOSE = 0.06  # m from the skin, within which cloth covers a shoulder
+MOST_OF_ALL = 95  # per cent of the frames
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How a garment sits; None for what it has not, or what its wearer lacks the bones for.
+
+    Attributes:
+        shoulders_covered: share of the frames in which a ray from each shoulder joint up along the trunk meets cloth
+            within `CLOSE` of the skin.
+        collar_gap: largest distance of the collar's edge from the neck in any frame [m].
+        collar_gap_p95: the same in 95 % of the frames.
+        folds: prominent maxima of the hem's distance from the trunk's axis in the first frame, in which it has settled.
+        hem: mean height of the hem above the ankles in that frame [m].
+    """
+
+    shoulders_covered: float | None = None
+    collar_gap: float | None = None
+    collar_gap_p95: float | None = None
+    folds: int | None = None
+    hem: float | None = None
+
+
+def fit_of(take: Take, cloth: Cloth, wearer: tuple[str, str, str] = Scene.wearer) -> Fit:
+    """Measure how a cloth sat in a take.
+
+    Args:
+        take: of this cloth, on bones that have its wearer's.
+        cloth: whose regions "collar", and "bottom" or "hem", are looked at.
+        wearer: bones, or their roles, at which the left and the right arm begin, and the pelvis.
+    """
+    try:
+        left, right, pelvis = (take.bones.positions[: len(take.positions), take.bones.index(b)] for b in wearer)
+    except UnknownNameError:
+        return Fit()
+    trunk = (left + right) / 2.0 - pelvis
+    up = trunk / np.linalg.norm(trunk, axis=1, keepdims=True)
+    gaps = _collar_gaps(take, cloth)
+    hem, closed = _hem(cloth)
+    at_rest = take.positions[0].astype(float)
+    return Fit(
+        shoulders_covered=_shoulders_covered(take, (left, right), up),
+        collar_gap=None if gaps is None else float(gaps.max()),
+        collar_gap_p95=None if gaps is None else float(np.percentile(gaps, MOST_OF_ALL)),
+        folds=None if hem is None else folds(at_rest[hem], pelvis[0], up[0], closed=closed),
+        hem=None if hem is None else _above_ankles(take, at_rest[hem]),
+    )
+
+
+def _hem(cloth: Cloth) -> tuple[NDArray[np.int64] | None, bool]:
+    """The vertices of the hem in their order, and whether they are a ring."""
+    closed = "hem" in cloth.regions
+    return cloth.regions.get("hem" if closed else "bottom"), closed
+
+
+def _above_ankles(take: Take, hem: FloatArray) -> float | None:
+    try:
+        ankles = [take.bones.positions[0, take.bones.index(f"{side}_foot")] for side in ("left", "right")]
+    except UnknownNameError:
+        return None
+    return float(hem[:, 2].mean() - np.mean(ankles, axis=0)[2])
+
+
+def _shoulders_covered(take: Take, joints: Sequence[FloatArray], up: FloatArray) -> float | None:
+    body = [collider for collider in take.colliders if collider.bone is not None]
+    if not body:
+        return None
+    covered = np.ones(len(take.positions), dtype=bool)
+    for frame, positions in enumerate(take.positions):
+        corners = positions.astype(float)[take.triangles]
+        origins = np.stack([joint[frame] for joint in joints])
+        ways = ray_hits(origins, np.broadcast_to(up[frame], origins.shape), corners[None])
+        for origin, way in zip(origins, ways, strict=True):
+            met = origin + way[np.isfinite(way), None] * up[frame]
+            covered[frame] &= bool((_distances(take, body, np.array([frame]), met[None]) <= CLOSE).any())
+    return float(covered.mean())
+
+
+def _collar_gaps(take: Take, cloth: Cloth) -> FloatArray | None:
+    """Largest distance of the collar's edge from the neck, or from the nearest limb of who has none [m], shape (F,)."""
+    body = [collider for collider in take.colliders if collider.bone is not None]
+    if "collar" not in cloth.regions or not body:
+        return None
+    bones = take.bones.roles
+    own = bones.get("neck") if bones.get("neck") != bones.get("head") else None
+    neck = [c for c in body if take.bones.names[take.bones.index(str(c.bone))] == own]
+    edge = np.intersect1d(cloth.regions["collar"], cloth.regions.get("top", cloth.regions["collar"]))
+    places = take.positions[:, edge].astype(float)
+    return _distances(take, neck or body, np.arange(len(places)), places).max(axis=1)
+
+
+def _distances(take: Take, colliders: Sequence[Collider], frames: NDArray[np.int64], points: FloatArray) -> FloatArray:
+    """Distances of points (n, m, 3) at n frames from the nearest of colliders on bones [m], shape (n, m)."""
+    least = np.full(points.shape[:2], np.inf)
+    for collider in colliders:
+        bone = take.bones.index(str(collider.bone))
+        turn = quaternions.conjugate(take.bones.rotations_wxyz[frames, bone])[:, None]
+        in_bone = quaternions.rotate(turn, points - take.bones.positions[frames, bone][:, None])
+        least = np.minimum(least, collider.distances(in_bone.reshape(-1, 3)).reshape(least.shape))
+    return least
