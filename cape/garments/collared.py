@@ -93,15 +93,18 @@ def lay_out(
         The cloth, in the wearer's frame without tension, and where the rows of its collar lie there [m], shape (n, 3).
 
     Raises:
-        ValueRangeError: a size is not positive, the garment ends on the shoulders, or no collar fits the neck.
+        ValueRangeError: a size is not positive, the garment ends on the shoulders, the spacing is too wide for what
+            hangs from them, or no collar fits the neck.
     """
     for name, value in (("length", length), ("flare", flare), ("spacing", spacing)):
         if not 0.0 < value < np.inf:
             raise ValueRangeError(f"the {name} must be positive and finite, not {value}")
     neck, top = fitted.collar(clearance)
     radius, reach = neck, fitted.girth(clearance)
-    if length - (reach - radius) < 2.0 * spacing:
+    if length <= reach - radius:
         raise ValueRangeError(f"a garment {length:.2f} m long ends on the shoulders, {reach - radius:.2f} m wide")
+    if length - (reach - radius) < 2.0 * spacing:
+        raise ValueRangeError(f"a spacing of {spacing:g} m is too wide for a garment {length:.2f} m long")
     edge = tailoring.cells((reach - radius) * np.hypot(1.0, STEEPEST), spacing)
     below = tailoring.cells(length - (reach - radius), spacing)
     down = np.append(np.linspace(0.0, reach - radius, edge + 1), np.linspace(reach - radius, length, below + 1)[1:])
