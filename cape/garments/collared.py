@@ -26,6 +26,7 @@ HEM_LAYERS = 3.0  # of fabric in the sewn hem; the collar has twice as many
 NAPE = 0.5  # rad to either side of the middle of the back: beyond it the neck's sides begin
 STIFF = 0.6  # rad around the neck, over which a collar is even
 SPACING = 0.0252  # of the body's height, for about as many vertices as a cape that hangs from the shoulders
+COARSEST = 0.06  # of the body's height: spacing at most
 LIMB = 0.02  # of the body's height: radius of the thinnest limb that it hangs on, the forearm
 STRAINED = 1.05  # length of a thread over that at rest, at most
 LEAST = 0.005  # m that colliders stop it at in any case: of thick cloth half of its own thickness
@@ -51,6 +52,8 @@ class Cut:
     def fit(self, fitted: Fitted, measures: Measures) -> Worn:
         """Cut it for a body, to be held by the chest along its collar."""
         spacing = SPACING * fitted.height if measures.spacing is None else measures.spacing
+        if spacing > COARSEST * fitted.height:
+            raise ValueRangeError(f"a spacing of {spacing:g} m is too wide to go around a neck")
         thickness = _room_between(spacing, LIMB * fitted.height)
         cloth, collar = lay_out(
             fitted,
