@@ -10,20 +10,18 @@ import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from cape.run.sagging import Sagging
+from cape.run.auto.sagging import USUAL_SPEED, Sagging
 from cape.solvers import TRBDF2, XPBD, Solver, SymplecticEuler
 from motions.errors import ValueRangeError
 
 TOLERANCE = 1e-3  # m, where nothing is asked for
 FRAME = 1.0 / 60.0  # s
-DEARER = 2.2  # times as long as one of Euler takes a step of XPBD
-WORTH = 2.0  # times as fast as Euler should XPBD be where its steps must be found out first, in free motion
-FLAT = 1300  # steps of XPBD that take as long as a frame of TR-BDF2 in few steps, of cloth of 1e6 N/m
+DEARER = 2.2  # times as long as one of Euler takes a step of XPBD,
+IMPLICIT = 330  # and steps of XPBD that take as long as a frame of TR-BDF2 in `USUAL` steps, both of cloth of 1e6 N/m
 FEWEST = 8  # steps of XPBD in a frame at 60 Hz: with fewer, cloth is rubber
 USUAL = 8  # steps of TR-BDF2
-AIM = 0.8  # of the error that is allowed, which a change of the step aims at
-EASY = 0.4  # of it, below which longer steps are tried
-LEAST_CHANGE, MOST_CHANGE = 0.25, 1.5  # of the step at once: it becomes longer slowly, as a motion may begin gently
+AIM = 0.8  # of the error that is allowed, which steps aim at
+LEAST_CHANGE, MOST_CHANGE = 0.25, 2.0  # of the step at once: theory of small errors holds no farther
 FINEST = 64.0  # times as short as stable steps of Euler, beyond which contact tells more than the step
 
 
@@ -61,7 +59,8 @@ class Choice:
     Attributes:
         solver: the one that is chosen.
         step: of XPBD [s].
-        finer: times as short as stable ones are steps of Euler.
+        finer: times as short as stable ones are steps of Euler, and
+        shorter: times as short as `USUAL` ones those of TR-BDF2.
         stable: largest stable step of Euler [s].
         sagging: the errors of XPBD that are likely.
         free: whether nothing touches the cloth, so that its errors shrink with the step as theory tells.
@@ -70,79 +69,94 @@ class Choice:
     def __init__(self, *, stable: float = FRAME, sagging: Sagging | None = None, free: bool = False) -> None:
         """Choose Euler's stable steps, until told otherwise."""
         self.solver: Solver = SymplecticEuler()
-        self.step, self.finer, self.stable, self.free = FRAME / FEWEST, 1.0, stable, free
+        self.step, self.finer, self.shorter = FRAME / FEWEST, 1.0, 1.0
+        self.stable, self.free = stable, free
         self.sagging = sagging or Sagging(0.0, 1.0)
-        self._implicit = 1.0
 
-    def aim_at(self, error: float) -> None:
-        """Choose what is likely to make an error [m]."""
-        self.step = min(self.sagging.step(error), FRAME / FEWEST)
+    def aim_at(self, error: float, *, speed: float = USUAL_SPEED) -> None:
+        """Choose what is likely to make an error [m], of a cloth that is moved at some speed [m/s]."""
+        self.step = min(self.sagging.at(speed).step(error), FRAME / FEWEST)
         self.decide()
 
     def decide(self) -> None:
         """Choose the fastest of the solvers at the steps that they need."""
-        if self.stable * DEARER * (WORTH if self.free else 1.0) >= self.step:
+        if self.stable * DEARER >= self.step:
             self.solver = self.euler()
-        elif self.free and self.count(FRAME) > FLAT:
+        elif self.free and self.count(FRAME) > IMPLICIT:
             self.solver = TRBDF2()
         else:
             self.solver = XPBD()
 
-    def euler(self) -> Solver:
-        """Euler at its steps."""
+    def euler(self, times: float = 1.0) -> Solver:
+        """Euler at its steps, or at some that are so many times as long."""
         usual = SymplecticEuler()
-        return usual if self.finer == 1.0 else replace(usual, margin=usual.margin / self.finer)
+        return usual if self.finer == times else replace(usual, margin=usual.margin * times / self.finer)
 
     def count(self, dt: float) -> int:
         """Steps of XPBD in a frame of `dt` [s]."""
         return max(1, math.ceil(dt / self.step - 1e-9))
 
-    def for_frame(self, dt: float) -> Solver:
-        """The solver with its steps in a frame of `dt` [s]."""
+    def for_frame(self, dt: float, *, times: float = 1.0) -> Solver:
+        """The solver with its steps in a frame of `dt` [s], or with steps so many times as long."""
         if isinstance(self.solver, XPBD):
-            return replace(self.solver, substeps=self.count(dt))
+            return replace(self.solver, substeps=max(1, math.ceil(dt / (self.step * times) - 1e-9)))
         if isinstance(self.solver, TRBDF2):
-            return replace(self.solver, substeps=max(1, math.ceil(self._implicit * USUAL * dt / FRAME - 1e-9)))
-        return self.solver
+            count = self.shorter * USUAL * dt / FRAME / times
+            return replace(self.solver, substeps=max(1, math.ceil(count - 1e-9)))
+        return self.euler(times)
 
     @property
-    def explodes_at_half(self) -> bool:
-        """Whether half as many steps would be unstable."""
+    def length(self) -> float:
+        """Length of the solver's steps, in units of its own."""
+        if isinstance(self.solver, XPBD):
+            return self.step
+        return 1.0 / (self.shorter if isinstance(self.solver, TRBDF2) else self.finer)
+
+    @property
+    def explodes_at_double(self) -> bool:
+        """Whether steps twice as long would be unstable."""
         return isinstance(self.solver, SymplecticEuler) and self.finer < 2.0
 
-    @property
-    def growth(self) -> float:
-        """How many times as large errors are in steps twice as long: as theory tells, or of XPBD its `Sagging`.
+    def size(self, length: float) -> float:
+        """What errors are proportional to in steps of a length: as theory tells, or of XPBD its `Sagging`.
 
-        Of whatever touches something twice as large: impacts leave no order above the first.
+        Of whatever touches something the length itself: impacts leave no order above the first.
         """
         if not self.free:
-            return 2.0
+            return length
+        return self.sagging.error(length) if isinstance(self.solver, XPBD) else length**self.solver.order
+
+    def length_of(self, size: float) -> float:
+        """The length of steps in which errors have that size."""
+        if not self.free:
+            return size
+        return self.sagging.step(size) if isinstance(self.solver, XPBD) else size ** (1.0 / self.solver.order)
+
+    def within(self, length: float) -> float:
+        """The length that is closest to one, of those that the solver's steps may have."""
         if isinstance(self.solver, XPBD):
-            return self.sagging.error(2.0 * self.step) / self.sagging.error(self.step)
-        return 2.0**self.solver.order
-
-    def shorten(self, share: float) -> bool:
-        """Take shorter steps where an error is that share of what is allowed; tell whether there are any."""
-        change = self._change(share)
-        if isinstance(self.solver, SymplecticEuler):
-            return self.refine(1.0 / change, FINEST)
+            return min(length, FRAME / FEWEST)
         if isinstance(self.solver, TRBDF2):
-            self._implicit /= change
-            return True
-        self.step *= change
-        self.decide()
-        return True
+            return min(length, USUAL)
+        return min(max(length, 1.0 / FINEST), 1.0)
 
-    def lengthen(self, share: float) -> None:
-        """Take longer steps where an error is that small a share of what is allowed."""
-        change = self._change(share)
-        if isinstance(self.solver, SymplecticEuler):
-            self.refine(1.0 / change, FINEST)
+    def take(self, length: float) -> bool:
+        """Take steps of a length, or the closest to it; tell whether they are others than before."""
+        before, length = (self.solver, self.length), self.within(length)
+        if isinstance(self.solver, XPBD):
+            shorter, self.step = length < self.step, length
+            if shorter:
+                self.decide()
         elif isinstance(self.solver, TRBDF2):
-            self._implicit = max(self._implicit / change, 1.0 / USUAL)
+            self.shorter = 1.0 / length
         else:
-            self.step = min(self.step * change, FRAME / FEWEST)
+            self.refine(1.0 / length / self.finer, FINEST)
+        return (self.solver, self.length) != before
+
+    def scale(self, share: float) -> bool:
+        """Take steps whose errors are so many times as large; tell whether they are others than before."""
+        change = self.length_of(share * self.size(self.length)) / self.length
+        return self.take(self.length * min(max(change, LEAST_CHANGE), MOST_CHANGE))
 
     def refine(self, times: float, most: float) -> bool:
         """Make Euler's steps so many times as short, `most` times as short as stable ones; tell whether it did."""
@@ -152,14 +166,3 @@ class Choice:
         self.finer = finer
         self.solver = self.euler()
         return True
-
-    def _change(self, share: float) -> float:
-        """What the step is to be multiplied by where an error is that share of what is allowed."""
-        wanted = AIM / max(share, 1e-9)
-        if not self.free:
-            change = wanted
-        elif isinstance(self.solver, XPBD):
-            change = self.sagging.step(wanted * self.sagging.error(self.step)) / self.step
-        else:
-            change = wanted ** (1.0 / self.solver.order)
-        return min(max(change, LEAST_CHANGE), MOST_CHANGE)
