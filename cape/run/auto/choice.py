@@ -16,6 +16,7 @@ from motions.errors import ValueRangeError
 
 TOLERANCE = 1e-3  # m, where nothing is asked for
 FRAME = 1.0 / 60.0  # s
+# What steps cost beside each other, as `python -m tests.bench.accuracy.costs` measures it.
 DEARER = 2.2  # times as long as one of Euler takes a step of XPBD,
 IMPLICIT = 330  # and steps of XPBD that take as long as a frame of TR-BDF2 in `USUAL` steps, both of cloth of 1e6 N/m
 FEWEST = 8  # steps of XPBD in a frame at 60 Hz: with fewer, cloth is rubber

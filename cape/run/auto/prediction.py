@@ -49,7 +49,11 @@ class Prediction:
 
     @property
     def bound(self) -> float:
-        """What one in a hundred of the next exceeds, infinite where it is to be measured whatever is known."""
+        """What few of the next exceed, infinite where it is to be measured whatever is known.
+
+        One in a hundred would, were mean and variance known; resting on few parts, it is two to four, of series made up
+        to scatter as errors in contact do (`tests/run/test_auto.py`).
+        """
         values, parts = (np.array(each) for each in zip(*self._seen, strict=True))
         passed = self._part - int(parts[-1])
         if passed >= APART:
