@@ -54,8 +54,8 @@ def main() -> None:
         vertices = given.scene.cloth.vertices
         euler, xpbd = (slower - slow) / stable, (many - few) / (MANY - FEW)
         print(
-            f"{vertices} vertices, {stretch:.0e} N/m: a step of Euler {1e9 * euler / vertices:.1f} ns a vertex, of XPBD "
-            f"{xpbd / euler:.2f} times that; the rest of a frame as long as XPBD moves "
+            f"{vertices} vertices, {stretch:.0e} N/m: a step of Euler {1e9 * euler / vertices:.1f} ns a vertex, "
+            f"of XPBD {xpbd / euler:.2f} times that; the rest of a frame as long as XPBD moves "
             f"{(few - FEW * xpbd) / xpbd * vertices:.0f} vertices; a frame of TR-BDF2 as long as "
             f"{implicit / xpbd:.0f} steps of XPBD",
             flush=True,
