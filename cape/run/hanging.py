@@ -78,6 +78,7 @@ class Hanging:
         state: of the vertices as the assembly numbers them, about `origin`.
         origin: that positions and poses refer to, in the world [m], shape (3,).
         pose: where the bones are, about `origin`.
+        holding: the bones that hold the cloth.
         strained: whether springs are so long that steps must be shorter.
         keeps_journal: whether it is noted what substeps do.
         journal: of the last frame that was noted.
@@ -98,6 +99,8 @@ class Hanging:
         held = [putting_on.held_by(scene, a, self.pose, positions) for a in scene.attachments]
         require_held_once(held)
         self.assembly = assemble(scene, held, threads=threads)
+        attached = self.assembly.attached
+        self.holding = np.empty(0, dtype=np.int64) if attached is None else np.unique(attached.bones)
         self.state = State.at_rest(self.assembly.inwards(positions), solver.dtype(self.assembly))
         self._begin()
         self._worn, self._spread = putting_on.hold_points(self.assembly, self.pose, held, positions)
@@ -114,12 +117,6 @@ class Hanging:
     def velocities(self) -> FloatArray:
         """Velocities of the vertices [m/s], shape (V, 3)."""
         return self.assembly.outwards(np.stack(self.state[3:], axis=1).astype(float))
-
-    @property
-    def holding(self) -> NDArray[np.int64]:
-        """The bones that hold the cloth."""
-        attached = self.assembly.attached
-        return np.empty(0, dtype=np.int64) if attached is None else np.unique(attached.bones)
 
     @property
     def _pinched(self) -> NDArray[np.bool_]:

@@ -49,11 +49,11 @@ def _on_errors(simulation: Simulation) -> list[str]:
     if not isinstance(simulation, AutoSimulation) or not simulation.errors:
         return []
     reached = float(np.sqrt(np.mean([error.rms**2 for error in simulation.errors])))
-    if reached <= MISSED * simulation.allowed:
+    if reached <= MISSED * simulation.tolerance:
         return []
     return [
         f"the time step's error was {1e3 * reached:.2g} mm in the parts that were measured, more than "
-        f"{1e3 * simulation.allowed:.2g} mm: contact or buckling magnify what any step leaves"
+        f"{1e3 * simulation.tolerance:.2g} mm: contact or buckling magnify what any step leaves"
     ]
 
 

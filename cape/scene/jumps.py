@@ -59,9 +59,24 @@ class Cuts:
             UnknownNameError: the track has no such bone.
         """
         held = np.array([track.index(bone) for bone in holding], dtype=np.int64)
-        poses = [Pose(*pose) for pose in zip(track.positions, track.rotations_wxyz, strict=True)]
-        steps = np.diff(track.times)
-        return [f for f, dt in enumerate(steps, 1) if self.between(poses[f - 1], poses[f], float(dt), held)]
+        jumps = self.among(track.positions, track.rotations_wxyz, np.diff(track.times), held)
+        return (np.flatnonzero(jumps) + 1).tolist()
+
+    def among(
+        self, positions: FloatArray, rotations_wxyz: FloatArray, steps: FloatArray, holding: NDArray[np.int64]
+    ) -> NDArray[np.bool_]:
+        """Tell for each step of bones through F poses whether it is a jump, as `between` does.
+
+        Positions [m] have shape (F, B, 3), rotations (F, B, 4), steps [s] and what is told (F - 1,).
+        """
+        moved = np.sum(np.diff(positions, axis=0) ** 2, axis=2).max(axis=1, initial=0.0)
+        jumps = moved > (self.speed * steps) ** 2
+        if holding.size:
+            held = rotations_wxyz[:, holding]
+            cosines = np.abs(np.sum(held[1:] * held[:-1], axis=2)).min(axis=1)
+            angles = 0.5 * self.spin * steps
+            jumps |= (angles < 0.5 * math.pi) & (cosines < np.cos(angles))
+        return jumps
 
 
 def seam(track: BoneTrack) -> BoneTrack:

@@ -48,6 +48,26 @@ def poses_of(track: BoneTrack, bones: Sequence[str]) -> list[Pose]:
     return [Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]) for f in range(track.frames)]
 
 
+def read_poses(poses: Sequence[Bones], names: Sequence[str]) -> list[Pose]:
+    """Check poses of the named bones as `read_pose` does, and copy them, without the world.
+
+    Raises:
+        UnknownNameError: a bone's pose is missing.
+        ValueRangeError: the number of bones is wrong, or a pose is not finite or no rotation.
+    """
+    given = [pose for pose in poses if isinstance(pose, Pose)]
+    if given and len(given) == len(poses) and all(_fits(pose, len(names)) for pose in given):
+        positions, rotations = np.array([p.positions for p in given]), np.array([p.rotations_wxyz for p in given])
+        # At once, as most motions are told frame by frame; what is wrong with one is found below.
+        if np.isfinite(positions).all() and np.isfinite(rotations).all() and np.any(rotations, axis=2).all():
+            return [Pose(*pose) for pose in zip(positions, rotations, strict=True)]
+    return [read_pose(pose, names).without_world() for pose in poses]
+
+
+def _fits(pose: Pose, count: int) -> bool:
+    return np.shape(pose.positions) == (count, 3) and np.shape(pose.rotations_wxyz) == (count, 4)
+
+
 def read_pose(bones: Bones, names: Sequence[str]) -> Pose:
     """Check the poses of the named bones, and add the world as one that comes last.
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +71,7 @@ class Scene:
             if not 0.0 <= getattr(self, name) < float("inf"):
                 raise ValueRangeError(f"{name} must be zero or more and finite, not {getattr(self, name)}")
 
-    @property
+    @cached_property
     def bones(self) -> tuple[str, ...]:
         """Names of the bones, or roles, that the scene uses, each once."""
         used = [a.bone for a in self.attachments] + [c.bone for c in self.colliders if c.bone is not None]

@@ -31,6 +31,10 @@ def test_the_limit_of_clean_convergence_is_exact(order: float):
     found = limit_of(ends, 3.0)
     np.testing.assert_allclose(found.positions, limit, atol=1e-12)
     assert found.order == pytest.approx(order)
+    # What is left of the error in nine times as many steps is what was extrapolated; both are told, at right angles.
+    size = float(np.linalg.norm(error))
+    assert found.unsure == pytest.approx(size * 9.0**-order)
+    assert found.error(limit + error) == pytest.approx(size * np.hypot(1.0, 9.0**-order))
 
 
 def test_where_differences_shrink_slowly_or_not_first_order_is_assumed():
@@ -40,6 +44,7 @@ def test_where_differences_shrink_slowly_or_not_first_order_is_assumed():
         found = limit_of(ends)
         np.testing.assert_allclose(found.positions, before + 2.0 * last)
         assert found.order < 1.0
+        assert found.unsure == pytest.approx(np.sqrt(3.0) * last)
     still = np.ones((2, 3))
     assert limit_of([still, still, still]).order == np.inf
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cape.run.hanging import Frame
 from cape.run.simulation import Snapshot
-from cape.scene.poses import Pose
+from cape.scene.poses import Bones, Pose, read_pose
 from cape.solvers import Solver
 from motions import quaternions
 
@@ -53,12 +53,20 @@ class Ahead:
         self._coming = coming
         self._next = 0  # that is asked for
 
-    def is_next(self, pose: Pose, dt: float) -> bool:
+    def is_next(self, bones: Bones, names: Sequence[str], dt: float) -> bool:
         """Tell whether a frame is the one that was to come next."""
         if self._next >= len(self._coming):
             return False
         told = self._coming[self._next]
-        return dt == told.dt and all(np.array_equal(a, b) for a, b in zip(pose, told.pose, strict=True))
+        if dt != told.dt:
+            return False
+        pose = bones if isinstance(bones, Pose) else read_pose(bones, names).without_world()
+        return all(np.array_equal(a, b) for a, b in zip(pose, told.pose, strict=True))
+
+    @property
+    def next(self) -> Coming:
+        """The frame that is to come next."""
+        return self._coming[self._next]
 
     def part(self, seconds: float) -> list[Coming]:
         """The frames from the next one on that last so long [s], and one at least; all, where less would be left."""
@@ -69,6 +77,10 @@ class Ahead:
             frames.append(coming)
             span += coming.dt
         return frames
+
+    def pass_on(self) -> None:
+        """Count the next frame as taken, which was so only now."""
+        self._next += 1
 
     def hand_on(self) -> Taken:
         """The next frame that was taken."""

@@ -11,6 +11,8 @@ from cape.assembly.chains import Chain
 
 SAG, LAG = 0.3, 5.7  # share, and m/s: errors on hanging cloth, as measured on the scenes `swing` and `stiff`
 
+USUAL_SPEED = 0.32  # m/s, root mean square, of the bones in these scenes
+
 
 class Sagging(NamedTuple):
     """Errors of XPBD on one cloth: `sag` [m/s2] and `lag` [m/s], root mean square over its vertices."""
@@ -23,21 +25,9 @@ class Sagging(NamedTuple):
         """What is likely of cloth that hangs as a chain, before anything is measured."""
         return cls(SAG * chain.sag, LAG)
 
-    @classmethod
-    def measured(cls, steps: tuple[float, float, float], apart: tuple[float, float]) -> "Sagging":
-        """What fits three runs, in ever shorter steps [s], by the distances [m] of each from the next.
-
-        Errors are taken to point the same way, so that their differences are those of their sizes; neither part is
-        taken to be negative.
-        """
-        (long, middle, short), (first, second) = steps, apart
-        # first = sag (long^2 - middle^2) + lag (long - middle), and the same for the others: divided by the brackets.
-        slope, next_slope = first / (long - middle), second / (middle - short)
-        sag = (slope - next_slope) / (long - short)
-        if sag < 0.0:
-            return cls(0.0, next_slope)
-        lag = next_slope - sag * (middle + short)
-        return cls(sag, lag) if lag > 0.0 else cls(next_slope / (middle + short), 0.0)
+    def at(self, speed: float) -> "Sagging":
+        """The same of a cloth whose bones move at another speed than is usual [m/s]: it lags in proportion."""
+        return Sagging(self.sag, self.lag * speed / USUAL_SPEED)
 
     def error(self, step: float) -> float:
         """The error [m] of steps of a length [s]."""

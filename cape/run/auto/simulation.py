@@ -1,0 +1,378 @@
+"""Method and step from a tolerance, or from the time that a frame may take.
+
+Solver and steps begin with what a hanging cloth tells (`choice`, `sagging`). Where the poses to come are known
+(`AutoSimulation.expect`) and nothing touches the cloth, companions of the run tell the error of the whole (`course`).
+Otherwise part after part of the motion is compared with the same part in half as many steps, unless errors so far tell
+that it hardly misses what is allowed (`prediction`). Where poses are known that is done before a part's first frame is
+handed on, and the part is taken again in shorter steps where it misses. In a loop that tells one pose at a time it can
+only be done afterwards, for what follows; and before the first frame, as if the bones moved on as they begin to.
+"""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cape.assembly.chains import chain_of
+from cape.results.take import StepError
+from cape.run.auto.ahead import Ahead, Coming, Part, Taken, onwards
+from cape.run.auto.budget import Budget
+from cape.run.auto.choice import AIM, FRAME, MOST_CHANGE, TOLERANCE, Auto, Choice
+from cape.run.auto.course import Course
+from cape.run.auto.prediction import Prediction
+from cape.run.auto.sagging import Sagging
+from cape.run.simulation import DEFAULT_CUTS, Diverged, Simulation, Snapshot
+from cape.run.step_error import distance, is_touched, window_of
+from cape.scene.jumps import Cuts
+from cape.scene.poses import Bones, Pose, read_pose, read_poses
+from cape.scene.scene import Scene
+from cape.solvers import XPBD, Solver, SymplecticEuler
+from motions.errors import ValueRangeError
+
+TRIES = 6  # of a part, at most
+COMPARED = 1.5  # times as long as a part alone takes one that is compared with half as many steps
+
+
+class AutoSimulation(Simulation):
+    """A simulation that chooses its solver and steps, and changes them as the motion needs.
+
+    Attributes:
+        asked: what it chooses for.
+        errors: of the time step, as the run itself estimated them, none in a run within a budget. Each is of a part of
+            the motion, or of the whole where it is free and was known. `simulate(..., check_steps=True)` measures them
+            as of any other run.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        asked: Auto,
+        *,
+        threads: int | None = None,
+        cuts: Cuts | None = DEFAULT_CUTS,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        """Hold the scene and what is asked for; nothing is computed before `start`.
+
+        Args:
+            scene: cloth, attachments, colliders, forces.
+            asked: the tolerance or the budget.
+            threads: how many share the cloth, None for as many as pay off.
+            cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
+            clock: tells the time [s]; only what is asked to stay within a budget looks at it.
+
+        Raises:
+            ValueRangeError: the number of threads is not positive.
+        """
+        super().__init__(scene, solver=XPBD(), threads=threads, cuts=cuts)
+        self.asked = asked
+        self.errors: list[StepError] = []
+        self._clock = clock
+        self._ahead = Ahead([])
+        self._reset()
+
+    def _reset(self, choice: Choice | None = None) -> None:
+        """Begin with a choice, knowing nothing of errors."""
+        self.errors = []
+        self._choice, self._prediction = choice or Choice(), Prediction()
+        self._budget = None if self.asked.budget is None else Budget(self.asked.budget)
+        self._twin: Simulation | None = None
+        self._course: Course | None = None
+        self._open: Part | None = None
+        self._rest = self._time = 0.0
+        self._steps = ("", 0.0, 0.0)  # that were taken last: solver, length, and of the frame
+
+    @property
+    def _solvers(self) -> tuple[Solver, ...]:
+        return SymplecticEuler(), XPBD()
+
+    @property
+    def tolerance(self) -> float:
+        """Error that the time step may cause [m]."""
+        return self.asked.tolerance or TOLERANCE
+
+    def start(
+        self,
+        bones: Bones,
+        *,
+        settle: float | None = None,
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        spin: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> None:
+        """Choose solver and steps, then start as `Simulation.start` does."""
+        self._choose(bones)
+        super().start(bones, settle=settle, velocity=velocity, spin=spin)
+
+    def start_from(self, snapshot: Snapshot) -> None:
+        """Choose solver and steps, then start as `Simulation.start_from` does."""
+        self._choose(snapshot.first_pose.without_world())
+        self._cloth = None
+        super().start_from(snapshot)
+
+    def expect(self, poses: Sequence[Bones], steps: ArrayLike) -> None:
+        """Tell which poses `step` will be given next, and after how long each [s], shape (F,).
+
+        Within a tolerance, parts of the motion are then tried before their first frame is handed on, and taken again in
+        shorter steps where they miss it. A call that comes with another pose ends that.
+
+        Raises:
+            UnknownNameError: a bone's pose is missing.
+            ValueRangeError: a pose is not finite, or there are more or fewer steps than poses.
+        """
+        durations = np.asarray(steps, dtype=float)
+        if durations.shape != (len(poses),):
+            raise ValueRangeError(f"{len(poses)} poses need as many steps, not of shape {durations.shape}")
+        told = read_poses(poses, self.bones)
+        self._course = None
+        self._ahead = Ahead([Coming(pose, float(dt)) for pose, dt in zip(told, durations, strict=True)])
+
+    def step(self, bones: Bones, dt: float) -> None:
+        """Advance the cloth as `Simulation.step` does, and look now and then whether the steps suit."""
+        if self._cloth is None:
+            self.start(bones)
+        if self._budget is not None:
+            self._take_steps(dt)
+            begun = self._clock()
+            super().step(bones, dt)
+            self._budget.spend(self._choice, self._clock() - begun)
+            self._take_steps(dt)
+            return
+        if self._ahead.is_next(bones, self.bones, dt):
+            self._step_ahead(self._ahead.next)
+            return
+        self._ahead, self._course = Ahead([]), None
+        pose = read_pose(bones, self.bones).without_world()
+        if self._time == 0.0 and 0.0 < dt < math.inf:
+            self._rehearse(pose, dt)
+        self._step_and_look(Coming(pose, dt))
+
+    def _step_ahead(self, coming: Coming) -> None:
+        """Take the frame that was to come, or hand it on where it has been taken."""
+        if not self._ahead.taken and self._course is None and self._rest < 1e-9:
+            self._look_ahead()
+        if self._ahead.taken:
+            self._go_to(self._ahead.hand_on())
+            return
+        self._take(coming)
+        self._ahead.pass_on()
+        if self._course is not None:
+            self._course.note(self)
+            if self._course.due:
+                self._course.adjust()
+                self._tell_course(self._course)
+            if self._course.taken == len(self._course.frames):
+                self._course = None
+
+    def _look_ahead(self) -> None:
+        """Take what comes next as far as it must be known before it is handed on."""
+        free, start = self._choice.free, self._taken()
+        frames = self._until_jump(self._ahead.part(math.inf if free else window_of(self.scene)))
+        if not frames:
+            self._rest = self._ahead.part(0.0)[0].dt
+        elif free:
+            self._ahead.taken.extend(self._begin_course(frames))
+        elif self._plan():
+            self._ahead.taken.extend(self._try_part(frames))
+        else:
+            self._rest = sum(coming.dt for coming in frames)
+        self._go_to(start)
+
+    def _until_jump(self, frames: list[Coming]) -> list[Coming]:
+        """Those of the frames to come that are before the bones jump."""
+        cuts, cloth = self.cuts, self._started
+        if cuts is None:
+            return frames
+        here = Pose(*cloth.pose).moved(cloth.origin).without_world()
+        poses = [here, *(coming.pose for coming in frames)]
+        steps = np.array([coming.dt for coming in frames])
+        positions, rotations = (np.stack(each) for each in zip(*poses, strict=True))
+        jumps = np.flatnonzero(cuts.among(positions, rotations, steps, cloth.holding))
+        return frames[: jumps[0]] if jumps.size else frames
+
+    def _take(self, coming: Coming) -> None:
+        """Take a frame in the steps that are chosen."""
+        self._take_steps(coming.dt)
+        super().step(*coming)
+        self._time += coming.dt
+        self._rest -= coming.dt
+
+    def _step_and_look(self, coming: Coming) -> None:
+        """Take a frame of which none is known beforehand; at the end of a part, learn for what is to come."""
+        window = window_of(self.scene)
+        if self._open is None and self._rest < 1e-9:
+            if self._plan():
+                self._open = Part(self.snapshot(), [])
+            self._rest = window
+        jumps = self.jumps
+        self._take(coming)
+        if self.jumps != jumps:
+            self._open, self._rest = None, 0.0
+        if self._open is not None:
+            self._open.frames.append((coming, self.substeps))
+            if self._open.seconds > window - 1e-9:
+                self._learn(self._compare(self._open))
+                self._open, self._rest = None, 0.0
+
+    def _rehearse(self, pose: Pose, dt: float) -> None:
+        """Find out which steps suit if the bones move on as they begin to, before the first frame is handed on."""
+        cloth = self._started
+        here = Pose(*cloth.pose).moved(cloth.origin).without_world()
+        frames = [Coming(each, dt) for each in onwards(here, pose, math.ceil(window_of(self.scene) / dt - 1e-9))]
+        start = self._taken()
+        self._plan()
+        self._try_part(frames)
+        self._go_to(start)
+        self._time = self._rest = 0.0
+        self.errors.clear()
+
+    def _begin_course(self, frames: list[Coming]) -> list[Taken]:
+        """Take the first part of a free motion that is known, again in shorter steps where the whole would miss.
+
+        Raises:
+            Diverged: the first frame explodes.
+        """
+        start, time, taken = self._taken(), self._time, []
+        course = Course(self.snapshot(), frames, self._choice, allowed=self.tolerance, threads=self.threads)
+        for attempt in range(TRIES):
+            self._go_to(start)
+            self._time, taken = time, []
+            try:
+                for coming in frames[: course.first]:
+                    self._take(coming)
+                    course.note(self)
+                    taken.append(self._taken())
+                    if course.due:
+                        break
+            except Diverged:
+                if not taken:
+                    raise
+                return taken
+            if not course.adjust() or attempt == TRIES - 1:
+                break
+            course.begin()
+        self._tell_course(course)
+        self._course = course if course.taken < len(frames) else None
+        return taken
+
+    def _tell_course(self, course: Course) -> None:
+        """Tell the error of the course as it is known now, instead of what was known before."""
+        if self._course is course:
+            self.errors.pop()
+        span = sum(coming.dt for coming in course.frames)
+        self.errors.append(StepError(self._time, course.error, self.solver.name, self.substeps, span))
+
+    def _plan(self) -> bool:
+        """Choose steps for the next part; tell whether it is to be compared with half as many.
+
+        That is so where it takes less time than steps so short that the part will hardly miss what is allowed.
+        """
+        choice, known, solver = self._choice, self._prediction, self._choice.solver.name
+        if not known.empty:
+            wanted = choice.length_of(AIM * self.tolerance / known.likely)
+            choice.take(min(wanted, MOST_CHANGE * choice.length))
+            sure = choice.length_of(self.tolerance / known.bound)
+            compared = min(choice.length, 0.5) if choice.explodes_at_double else choice.length
+            if choice.within(sure) <= sure and COMPARED * choice.within(sure) >= compared:
+                choice.take(sure)
+                if choice.solver.name == solver:
+                    known.pass_over()
+                    return False
+        if choice.solver.name != solver:
+            self._prediction = Prediction()  # the errors of the one tell nothing of those of the other
+        if choice.explodes_at_double:
+            choice.take(0.5)
+        return True
+
+    def _try_part(self, frames: list[Coming]) -> list[Taken]:
+        """Take frames from here, again in shorter steps where they miss what is allowed; the good ones of those taken.
+
+        Raises:
+            Diverged: the first of them explodes.
+        """
+        start, time, taken = self._taken(), self._time, []
+        for attempt in range(TRIES):
+            part, taken, jumps = Part(self.snapshot(), []), [], self.jumps
+            self._time = time
+            try:
+                for coming in frames:
+                    self._take(coming)
+                    part.frames.append((coming, self.substeps))
+                    taken.append(self._taken())
+            except Diverged:
+                if not taken:
+                    raise
+                break
+            if self.jumps != jumps:
+                break
+            error = self._compare(part)
+            if error.rms <= self.tolerance or attempt == TRIES - 1:
+                self._learn(error)
+                break
+            if not self._choice.scale(AIM * self.tolerance / error.rms):
+                self._learn(error)
+                break
+            self._go_to(start)
+        self._rest = 0.0
+        return taken
+
+    def _learn(self, error: StepError) -> None:
+        """Keep the error of a part that was compared, for what follows."""
+        self.errors.append(error)
+        if math.isfinite(error.rms):
+            self._prediction.note(error.rms / self._choice.size(self._choice.length))
+
+    def _compare(self, part: Part) -> StepError:
+        """The error that the run has gathered in a part that it has just ended, by half as many steps, or twice."""
+        solver, choice, here, rms = self.solver, self._choice, self.positions, math.inf
+        growth = choice.size(2.0 * choice.length) / choice.size(choice.length)
+        twice = choice.explodes_at_double or min(substeps for _, substeps in part.frames) < 2
+        if self._twin is None:
+            self._twin = Simulation(self.scene, solver=solver, threads=self.threads, cuts=None)
+        else:
+            self._twin.change_solver(solver)
+        twin = self._twin
+        twin.start_from(part.start)
+        try:
+            for (pose, dt), substeps in part.frames:
+                twin.change_solver(replace(solver, substeps=2 * substeps if twice else substeps // 2))
+                twin.step(pose, dt)
+            rms = distance(twin.positions, here) / (1.0 - 1.0 / growth if twice else growth - 1.0)
+        except Diverged:
+            pass
+        return StepError(self._time, rms, solver.name, part.frames[-1][1], part.seconds, math.log2(growth))
+
+    def _taken(self) -> Taken:
+        counts = (self.substeps, self.retried, self.refined, self.unconverged, self.jumps, self.renewed)
+        return Taken(self._started.frame(), self.solver, counts)
+
+    def _go_to(self, taken: Taken) -> None:
+        """Be where a frame ended; steps stay as they were changed since."""
+        self._started.go_back_to(taken.frame)
+        self.substeps, self.retried, self.refined, self.unconverged, self.jumps, self.renewed = taken.counts
+
+    def _choose(self, bones: Bones) -> None:
+        """Choose for a cloth that hangs from bones at a pose."""
+        tried = Simulation(self.scene, solver=SymplecticEuler(), threads=self.threads)
+        tried.start(bones, settle=0.0)
+        forecast = tried.forecast(FRAME)
+        choice = Choice(
+            stable=FRAME / forecast.substeps,
+            sagging=Sagging.of(chain_of(tried.assembly)),
+            free=not is_touched(self.scene),
+        )
+        self._reset(choice)
+        if self._budget is None:
+            choice.aim_at(AIM * self.tolerance)
+        else:
+            self._budget.choose(choice, tried, forecast.seconds)
+        self.solver = choice.for_frame(FRAME)
+
+    def _take_steps(self, dt: float) -> None:
+        """Use the solver that is chosen, and as many of its steps as a frame of `dt` [s] needs."""
+        wanted = self._choice.solver.name, self._choice.length, dt
+        if wanted != self._steps:
+            self._steps = wanted
+            self.change_solver(self._choice.for_frame(dt))
