@@ -14,11 +14,11 @@ strain; the diagonals carry the G terms). Bend springs draw a vertex to the midp
 distance spring over two cells, the usual choice, has an energy of fourth order in the curvature: no bending rigidity.
 
 Twist is resisted cell by cell, with energy 1/2 k |p00 - p10 - p01 + p11|^2 and k = 2 H / (a b), where H is the root of
-B_weft B_warp, as in orthotropic plates (Timoshenko and Woinowsky-Krieger 1959, article 86). The energy per area of
-curvatures k11, k22 and k12 is then 1/2 (B_weft k11^2 + B_warp k22^2 + 2 H k12^2), that of a plate without Poisson's
-effect (the same, eq. 117), whose rigidity against bending at the angle t to the weft, B_weft cos^4 t +
-2 H cos^2 t sin^2 t + B_warp sin^4 t, is the same in all directions where both threads bend alike; of second differences
-alone it is half of that at 45 degrees.
+B_weft B_warp, as in `Fabric.bend_along`. The energy per area of curvatures k11, k22 and k12 is then
+1/2 (B_weft k11^2 + B_warp k22^2 + 2 H k12^2), that of a plate without Poisson's effect. A curvature k at the angle t to
+the weft, of which these are k cos^2 t, k sin^2 t and k cos t sin t, meets the rigidity B_weft cos^4 t +
+2 H cos^2 t sin^2 t + B_warp sin^4 t (by algebra), the same in all directions where both threads bend alike; of second
+differences alone it is half of that at 45 degrees.
 """
 
 import math

@@ -107,9 +107,9 @@ class Fabric:
     def bend_along(self, weft_share: Any) -> Any:
         """Bending moment per width and curvature [N m] along directions with these cos^2 of the angle to the weft.
 
-        B_weft c^4 + 2 sqrt(B_weft B_warp) c^2 s^2 + B_warp s^4: an orthotropic plate (Timoshenko and Woinowsky-Krieger
-        1959, Theory of Plates and Shells, eq. 213) whose stiffness against twist is the geometric mean of both threads,
-        as Huber took it (ibid., section 86); on the bias it is then a little above that mean, where woven fabrics lie.
+        B_weft c^4 + 2 sqrt(B_weft B_warp) c^2 s^2 + B_warp s^4, by algebra, of an orthotropic plate whose stiffness
+        against twist is the geometric mean of both threads: Huber's approximation of 1923 for plates of which two
+        stiffnesses are known. On the bias it is then a little above that mean, where woven fabrics lie.
         """
         warp, weft = _of_threads(self.bend)
         return (sqrt(weft) * weft_share + sqrt(warp) * (1.0 - weft_share)) ** 2

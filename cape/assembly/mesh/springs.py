@@ -6,8 +6,11 @@ that five numbers are asked of them, which are those of the grid: C1111 = stretc
 the warp, C1122 = C1212 = shear, and no coupling of strain and shear. A single triangle has three springs and can't give
 all five. The two triangles of an interior edge have six, with the cross spring between the two vertices opposite of
 that edge: a patch. The stiffness of each patch is the k >= 0 nearest to the fabric's, in the norm of the fourth-order
-tensor; each triangle gives most of its area to those of its patches that come nearest. On a grid whose cells are split
-along either diagonal, the patches of the diagonals are exact, and the springs are those of the grid.
+tensor, shared evenly between springs that lie alike; each triangle gives most of its area to those of its patches that
+come nearest, and the less to one, the further its cross spring passes from the middle of the shared edge: one that
+passes an end of it runs beside two edges, and where a sheet is bent it is shorter than both by more than they can give.
+On a grid whose cells are split along either diagonal, the patches of the diagonals are exact, and the springs are those
+of the grid.
 
 Elsewhere springs meet the fabric in the mean at best, and oblique ones resist shear as they resist stretch: of a fabric
 whose shear is a hundredth of its stretch, cells split at random with vertices moved by up to 0.3 of a cell have six
@@ -41,6 +44,8 @@ RIDGE = 1e-6  # of the fit, relative: shares stiffness evenly between springs th
 MISSED = 0.01  # of the fabric's stiffness, from which on springs are no longer as good as a membrane
 NOTHING = 1e-9  # size of a curvature's coefficients, times the area, below which they are rounding
 SHARPNESS = 1e-6  # squared relative misfit at which a patch gets half of the area it gets when it is exact
+ASIDE = 1e-6  # of that area, at least, for a patch whose cross spring does not cross the shared edge
+ALIKE = 1e-9  # by which the product of the tensors of springs that lie alike is less than one
 
 
 def mesh_springs(cloth: MeshCloth) -> Springs:
@@ -118,6 +123,8 @@ def _fit(tensors: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArra
     size, count = np.linalg.norm(target), tensors.shape[1]
     q = np.zeros(tensors.shape[:2])
     fit_weights(tensors, target / size, SWEEPS, RIDGE, np.zeros((count, count)), np.zeros(count), q)
+    alike = np.einsum("psk,prk->psr", tensors, tensors) > 1.0 - ALIKE
+    q = np.einsum("psr,pr->ps", alike, q) / alike.sum(axis=2)
     missing = np.einsum("psk,ps->pk", tensors, q) - target / size
     return size * q, np.linalg.norm(missing, axis=1)
 
@@ -135,7 +142,7 @@ def _in_plane(
     sides = np.roll(cloth.corners, -1, axis=1) - cloth.corners
     of_side = edges.of_triangle.ravel()
     length = np.bincount(of_side, weights=np.linalg.norm(sides, axis=2).ravel()) / edges.triangles
-    crossing, *_ = _unfold(cloth, edges)
+    crossing, apex, _, edge = _unfold(cloth, edges)
     cross_length = np.linalg.norm(crossing, axis=2).mean(axis=1)
 
     # The springs of each patch: the shared edge, two more edges of either triangle, the cross spring.
@@ -150,7 +157,10 @@ def _in_plane(
         axis=1,
     )
     weight, misfit = _fit(patch, target)
-    trust = 1.0 / (misfit**2 + SHARPNESS)
+    # Where along the shared edge the cross spring passes.
+    share = apex[:, 0, 1] / apex[..., 1].sum(axis=1)
+    passed = (apex[:, 0, 0] + share * (apex[:, 1, 0] - apex[:, 0, 0])) / np.linalg.norm(edge, axis=1)
+    trust = np.maximum(4.0 * passed * (1.0 - passed), ASIDE) / (misfit**2 + SHARPNESS)
     owner = edges.sides // 3
     shares = trust[:, None] / np.bincount(owner.ravel(), np.repeat(trust, 2), len(area))[owner]
     taken = (shares * area[owner]).sum(axis=1)
