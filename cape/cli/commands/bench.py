@@ -12,8 +12,8 @@ from cape.bench.plot import require_matplotlib, save_plot
 from cape.bench.rows import Row
 from cape.bench.run import LINEAR
 from cape.bench.sections.plain import AIM_MS
+from cape.cli.figures.rows import print_rows
 from cape.cli.measuring import require_folder, sections
-from cape.cli.rows import print_rows
 from motions.errors import UserError
 from motions.files import write_text
 

@@ -3,7 +3,7 @@
 import json as json_format
 from typing import Any
 
-from cape.cli.rows import print_rows
+from cape.cli.figures.rows import print_rows
 from cape.cloth.fabric import Fabric
 from cape.cloth.fabrics import FABRICS, MEASUREMENTS
 from cape.cloth.measurement import Measurement, bending_lengths, drapes

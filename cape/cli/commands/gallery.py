@@ -9,9 +9,9 @@ from pathlib import Path
 
 from cape.cli.character import Character, read_character
 from cape.cli.commands.replay import Cut
+from cape.cli.figures.rows import print_rows
 from cape.cli.measuring import require_folder, sections
 from cape.cli.reading import Reading
-from cape.cli.rows import print_rows
 from cape.cli.running import ended_in_order
 from cape.cloth.fabrics import FABRICS
 from cape.garments.registry import GARMENTS

@@ -2,7 +2,7 @@
 
 import json as json_format
 
-from cape.cli.rows import print_rows
+from cape.cli.figures.rows import print_rows
 from cape.garments.registry import GARMENTS
 
 

@@ -7,9 +7,9 @@ import numpy as np
 
 from cape import record
 from cape.cli.character import Character, read_character
+from cape.cli.figures.rows import print_rows
 from cape.cli.output import open_viewer, output_path
 from cape.cli.reading import Reading
-from cape.cli.rows import print_rows
 from cape.cli.running import simulated
 from cape.reach import Reach, reach_of
 from cape.results.take import Take

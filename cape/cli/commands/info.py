@@ -11,9 +11,9 @@ import numpy as np
 
 import motions
 from cape.cli.character import BY_PROPORTIONS, find_hitboxes, read_character
+from cape.cli.figures.retargeting import retarget_facts, retarget_rows
+from cape.cli.figures.rows import print_rows
 from cape.cli.reading import Reading
-from cape.cli.retargeting import retarget_facts, retarget_rows
-from cape.cli.rows import print_rows
 from cape.reach import reach_of
 from cape.scene.colliders import Collider
 from cape.scene.dress import dress

@@ -10,10 +10,10 @@ from typing import Self
 
 from cape.cli.character import read_character
 from cape.cli.commands.replay import Cut
+from cape.cli.figures.rows import print_rows
 from cape.cli.measuring import sections
 from cape.cli.output import output_path
 from cape.cli.reading import Reading
-from cape.cli.rows import print_rows
 from cape.cli.running import ended_in_order, simulated
 from cape.pictures import films, stills
 from cape.pictures.eye import side_of

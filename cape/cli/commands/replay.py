@@ -8,12 +8,12 @@ from typing import Any
 
 from cape.assembly.self_contact import contact_thickness
 from cape.cli.character import Character, read_character
-from cape.cli.checking import check_rows, checked, step_error_facts, step_error_rows
-from cape.cli.fitting import fit_facts, fit_rows
+from cape.cli.figures.checking import check_rows, checked, step_error_facts, step_error_rows
+from cape.cli.figures.fitting import fit_facts, fit_rows
+from cape.cli.figures.retargeting import retarget_facts, retarget_rows
+from cape.cli.figures.rows import print_rows
 from cape.cli.output import open_viewer, output_path
 from cape.cli.reading import Reading
-from cape.cli.retargeting import retarget_facts, retarget_rows
-from cape.cli.rows import print_rows
 from cape.cli.running import simulated
 from cape.cloth.fabrics import fabric
 from cape.garments import registry

@@ -10,8 +10,8 @@ import numpy as np
 
 from cape.cli.character import Character, read_character
 from cape.cli.commands.replay import Cut
+from cape.cli.figures.rows import print_rows
 from cape.cli.reading import Reading
-from cape.cli.rows import print_rows
 from cape.kernels import store
 from cape.kernels.jit import COMPILER_OFF
 from cape.kernels.store import Request
