@@ -123,9 +123,11 @@ class ImplicitSolver(Solver):
             In steps shorter than the usual ones it shrinks as their square, so that what is left is the same force.
             At its default it is that of cloth that may touch something, whose impacts leave no order to keep.
         left_free: what may be left to correct in a usual step [m] of cloth that can touch nothing, at the default
-            tolerance. A method of order p makes errors of h^(p+1) in the velocities of a step of h, and a vertex that
-            is off by this has a velocity off by this over b: it shrinks as h^(p+2), so that the order stays. What is
-            left is seen from how far the linear solver would go next, so that one Newton step may be enough.
+            tolerance: root mean square over the vertices, as errors are told. The largest of all would ask for more,
+            the finer the cloth. A method of order p makes errors of h^(p+1) in the velocities of a step of h, and
+            vertices that are off by this have velocities off by this over b: it shrinks as h^(p+2), so that the order
+            stays. What is left is seen from how far the linear solver would go next, so that one Newton step may be
+            enough.
         forcing_free: the forcing of such cloth, at the default forcing; less will do where little is left.
         iterations: Newton steps at most in a stage.
         forcing: residual of a linear system, relative to its right hand side, at which it is solved well enough.
@@ -345,7 +347,7 @@ class BackwardEuler(ImplicitSolver):
     colour: ClassVar[str] = "#6a994e"
     order: ClassVar[float] = 1.0
     stage: ClassVar[float] = 1.0
-    left_free: ClassVar[float] = 3e-7
+    left_free: ClassVar[float] = 1e-7
     forcing_free: ClassVar[float] = 0.01
 
     def _step(self, thread: Thread, linker: Linker, contact: PenaltyContact | None) -> list[Use]:
@@ -374,7 +376,7 @@ class TRBDF2(ImplicitSolver):
     colour: ClassVar[str] = "#8e6bbf"
     order: ClassVar[float] = 2.0
     stage: ClassVar[float] = 0.5 * GAMMA
-    left_free: ClassVar[float] = 3e-9
+    left_free: ClassVar[float] = 1e-8
     forcing_free: ClassVar[float] = 0.001
     tolerance: float = 1e-7
 

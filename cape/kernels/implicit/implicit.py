@@ -76,7 +76,8 @@ class Settings(NamedTuple):
     """See `ImplicitSolver`; the tolerance is for steps that are solved with a b of `usual` [s] or more.
 
     In shorter ones it shrinks as their `power`, and the forcing as its own. Linear systems may be solved `closely`,
-    until no vertex is moved by more than the tolerance, which is then for what a Newton step leaves, not for the step.
+    until vertices are moved by less than the tolerance, root mean square, which is then for what a Newton step leaves,
+    not for the step.
     `digits` is the share of a coordinate below which steps are rounding.
     """
 
