@@ -7,11 +7,11 @@ relative to the surface that moves with its bone,
     f = -mu pressure f1(|u|) u / |u|,    f1(s) = 2 s / SLIP - s^2 / SLIP^2 below SLIP, otherwise 1
 
 The pressure in it is that of the positions at hand rather than of an earlier iteration. Minus the derivative, as the
-matrix has it, is symmetric and positive semidefinite: k n n^T + mu pressure f1 / (|u| b) (I - n n^T), with another slope
-in place of f1 / |u| along u: f1' where a vertex is to speed up, where it is to slow down that of the chord of f1 to the
-speed at which, by itself, it would be in equilibrium, which may be rest. As f1 is concave, Newton's method stays on
-its side of the solution; with the derivative throughout it overshoots a vertex's rest. With the chord to rest throughout,
-which is f1 / |u|, what slides or has just been caught takes dozens of iterations: each leaves all but
+matrix has it, is symmetric and positive semidefinite: k n n^T + mu pressure f1 / (|u| b) (I - n n^T), with another
+slope in place of f1 / |u| along u: f1' where a vertex is to speed up, where it is to slow down that of the chord of f1
+to the speed at which, by itself, it would be in equilibrium, which may be rest. As f1 is concave, Newton's method stays
+on its side of the solution; with the derivative throughout it overshoots a vertex's rest. With the chord to rest
+throughout, which is f1 / |u|, what slides or has just been caught takes dozens of iterations: each leaves all but
 1 / (1 + mu pressure b / (m |u|)) of what is amiss, and the pressure of an impact grows as 1 / b^2.
 """
 
