@@ -11,19 +11,24 @@ from numpy.typing import NDArray
 from cape.assembly.assemble import Assembly, force_scratch, inertia_of
 from cape.assembly.contact import Contacts
 from cape.forces.base import Force
-from cape.forces.elastic import Elastic, Links
+from cape.forces.elastic import Elastic
 from cape.forces.registry import forces_of
-from cape.kernels.cloth.grid import GridRoom, GridSprings
-from cape.kernels.cloth.membrane import MembraneForces, MeshMembrane
-from cape.kernels.cloth.mesh_bending import MeshBends
+from cape.kernels.cloth.grid import GridRoom
 from cape.kernels.contact.penalty import Penalty, PenaltyContact, find_touchable, press_colliders
 from cape.kernels.contact.units import note_motion
+from cape.kernels.implicit.accelerations import (
+    Balance,
+    find_acceleration,
+    hold_back,
+    hold_back_at_start,
+    keep_acceleration,
+    leave_out_contact,
+)
 from cape.kernels.implicit.conjugate_gradients import CHUNK
 from cape.kernels.implicit.implicit import (
     GAMMA,
     GUARD,
     UNSOLVED,
-    Balance,
     Holding,
     Placing,
     Problem,
@@ -37,51 +42,19 @@ from cape.kernels.implicit.implicit import (
     aim_newton_step,
     aim_trapezoid,
     evaluate,
-    find_acceleration,
-    hold_back,
-    hold_back_at_start,
-    keep_acceleration,
-    leave_out_contact,
     place_attached,
     place_bones,
     solve_stage,
 )
-from cape.kernels.implicit.membrane_stiffness import (
-    MembraneStiffness,
-    add_membrane_diagonal,
-    linearise_membrane,
-    multiply_membrane,
-)
-from cape.kernels.implicit.mesh_stiffness import (
-    MeshBendStiffness,
-    MeshStiffness,
-    add_mesh_bend_diagonal,
-    add_mesh_diagonal,
-    linearise_mesh,
-    multiply_mesh,
-    multiply_mesh_bends,
-)
-from cape.kernels.implicit.stiffness import (
-    Blocks,
-    GridStiffness,
-    Matrix,
-    add_contact_blocks,
-    add_grid_diagonal,
-    invert_diagonal,
-    linearise_springs,
-    multiply_grid,
-    multiply_own,
-    set_own,
-    start_diagonal,
-)
+from cape.kernels.implicit.stiffness import Matrix
 from cape.kernels.linking import Linker
 from cape.kernels.program import Use
 from cape.kernels.self_contact.self_contact import PressedAcceleration, PressedForces, add_held, add_pressure
 from cape.kernels.state import Inertia
 from cape.solvers.base import Precision, Solver
-from cape.solvers.matrix import Layout, link_blocks, matrix_of
+from cape.solvers.matrix import Layout, link_blocks, matrix_of, matrix_units
 from cape.solvers.multigrid import Levels, levels_of, multigrid
-from cape.solvers.order import Order, begin_frame, end_substep, forces, wait
+from cape.solvers.order import Order, begin_frame, end_substep, forces
 from cape.solvers.running import Running, Thread
 from motions.errors import ValueRangeError
 
@@ -123,9 +96,11 @@ class ImplicitSolver(Solver):
             In steps shorter than the usual ones it shrinks as their square, so that what is left is the same force.
             At its default it is that of cloth that may touch something, whose impacts leave no order to keep.
         left_free: what may be left to correct in a usual step [m] of cloth that can touch nothing, at the default
-            tolerance. A method of order p makes errors of h^(p+1) in the velocities of a step of h, and a vertex that
-            is off by this has a velocity off by this over b: it shrinks as h^(p+2), so that the order stays. What is
-            left is seen from how far the linear solver would go next, so that one Newton step may be enough.
+            tolerance: root mean square over the vertices, as errors are told. The largest of all would ask for more,
+            the finer the cloth. A method of order p makes errors of h^(p+1) in the velocities of a step of h, and
+            vertices that are off by this have velocities off by this over b: it shrinks as h^(p+2), so that the order
+            stays. What is left is seen from how far the linear solver would go next, so that one Newton step may be
+            enough.
         forcing_free: the forcing of such cloth, at the default forcing; less will do where little is left.
         iterations: Newton steps at most in a stage.
         forcing: residual of a linear system, relative to its right hand side, at which it is solved well enough.
@@ -235,7 +210,10 @@ class ImplicitSolver(Solver):
         pressure = thread.contacts.pressure
         if pressure is not None:
             residual.append(Use(add_pressure, PressedForces(pressure, arrays.inertia.mass, arrays.work.forces)))
-        linearise, product = self._matrix(thread, contact)
+        linearise, product = matrix_units(
+            thread, arrays.matrix, arrays.layout, arrays.forces[Elastic], arrays.scratch[thread.rank],
+            contact=contact, levels=arrays.levels is not None,
+        )  # fmt: skip
         gathering, precondition = multigrid(thread, arrays.levels, linker)
         system = System(
             state=running.state,
@@ -278,45 +256,6 @@ class ImplicitSolver(Solver):
             linear_iterations=self.linear_iterations,
         )
 
-    def _matrix(self, thread: Thread, contact: PenaltyContact | None) -> tuple[list[Use], list[Use]]:
-        """What linearises at a state, and what multiplies with the matrix."""
-        running = thread.running
-        arrays: ImplicitArrays = running.arrays
-        links: Links = arrays.forces[Elastic]
-        layout = arrays.layout
-        own = [Use(set_own, arrays.matrix)]
-        if contact is not None:
-            own.append(Use(add_contact_blocks, Blocks(arrays.matrix, contact.penalty.blocks)))
-        start, invert = Use(start_diagonal, arrays.matrix), Use(invert_diagonal, arrays.matrix)
-        if isinstance(links.springs, GridSprings):
-            assert not isinstance(links.bends, MeshBends)
-            grid = GridStiffness(
-                running.state, links.springs, links.bends, arrays.matrix, layout.coefficients, layout.couplings,
-                arrays.scratch[thread.rank],
-            )  # fmt: skip
-            first, last, product = Use(linearise_springs, grid), Use(add_grid_diagonal, grid), Use(multiply_grid, grid)
-        elif isinstance(links.springs, MeshMembrane):
-            assert layout.ends is not None
-            assert layout.membrane is not None
-            still = MembraneForces(running.state, links.springs, None, arrays.work.forces)
-            sheet = MembraneStiffness(still, layout.membrane, arrays.matrix, layout.coefficients, layout.ends)
-            first, last = Use(linearise_membrane, sheet), Use(add_membrane_diagonal, sheet)
-            product = Use(multiply_membrane, sheet)
-            if arrays.levels is not None and layout.nearest is not None:
-                (nearest, found), nowhere = layout.nearest, layout.ends[:0]
-                own.append(Use(linearise_mesh, MeshStiffness(running.state, nearest, arrays.matrix, found, nowhere)))
-        else:
-            assert layout.ends is not None
-            mesh = MeshStiffness(running.state, links.springs, arrays.matrix, layout.coefficients, layout.ends)
-            first, last, product = Use(linearise_mesh, mesh), Use(add_mesh_diagonal, mesh), Use(multiply_mesh, mesh)
-        diagonals, products = [last], [Use(multiply_own, arrays.matrix), product]
-        if layout.bends is not None:
-            assert layout.diagonal is not None
-            bends = MeshBendStiffness(layout.bends, arrays.matrix, layout.diagonal)
-            diagonals.append(Use(add_mesh_bend_diagonal, bends))
-            products.append(Use(multiply_mesh_bends, bends))
-        return [first, *wait(thread), *own, start, *diagonals, invert], products
-
     def _place(self, thread: Thread, at: float) -> list[Use]:
         """Place the bones, and what they hold, at a share of the step."""
         running = thread.running
@@ -345,7 +284,7 @@ class BackwardEuler(ImplicitSolver):
     colour: ClassVar[str] = "#6a994e"
     order: ClassVar[float] = 1.0
     stage: ClassVar[float] = 1.0
-    left_free: ClassVar[float] = 3e-7
+    left_free: ClassVar[float] = 1e-7
     forcing_free: ClassVar[float] = 0.01
 
     def _step(self, thread: Thread, linker: Linker, contact: PenaltyContact | None) -> list[Use]:
@@ -374,7 +313,7 @@ class TRBDF2(ImplicitSolver):
     colour: ClassVar[str] = "#8e6bbf"
     order: ClassVar[float] = 2.0
     stage: ClassVar[float] = 0.5 * GAMMA
-    left_free: ClassVar[float] = 3e-9
+    left_free: ClassVar[float] = 1e-8
     forcing_free: ClassVar[float] = 0.001
     tolerance: float = 1e-7
 

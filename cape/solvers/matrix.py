@@ -11,11 +11,42 @@ from cape.assembly.multigrid.levels import LinkBlocks
 from cape.cloth.cloth import GridCloth
 from cape.forces.elastic import Links
 from cape.kernels.cloth.grid import GridSprings
-from cape.kernels.cloth.membrane import MeshMembrane
+from cape.kernels.cloth.membrane import MembraneForces, MeshMembrane
 from cape.kernels.cloth.mesh import BLOCK, MeshSprings
 from cape.kernels.cloth.mesh_bending import MeshBends
+from cape.kernels.contact.penalty import PenaltyContact
 from cape.kernels.implicit.conjugate_gradients import CHUNK
-from cape.kernels.implicit.stiffness import Matrix
+from cape.kernels.implicit.membrane_stiffness import (
+    MembraneStiffness,
+    add_membrane_diagonal,
+    linearise_membrane,
+    multiply_membrane,
+)
+from cape.kernels.implicit.mesh_stiffness import (
+    MeshBendStiffness,
+    MeshStiffness,
+    add_mesh_bend_diagonal,
+    add_mesh_diagonal,
+    linearise_mesh,
+    multiply_mesh,
+    multiply_mesh_bends,
+)
+from cape.kernels.implicit.stiffness import (
+    Blocks,
+    GridStiffness,
+    Matrix,
+    add_contact_blocks,
+    add_grid_diagonal,
+    invert_diagonal,
+    linearise_springs,
+    multiply_grid,
+    multiply_own,
+    set_own,
+    start_diagonal,
+)
+from cape.kernels.program import Use
+from cape.solvers.order import wait
+from cape.solvers.running import Thread
 
 Array = NDArray[np.floating]
 
@@ -101,6 +132,52 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
         bend_damping=links.bend_damping or 0.0,
     )
     return matrix, layout
+
+
+def matrix_units(
+    thread: Thread,
+    matrix: Matrix,
+    layout: Layout,
+    links: Links,
+    scratch: Array,
+    *,
+    contact: PenaltyContact | None,
+    levels: bool,
+) -> tuple[list[Use], list[Use]]:
+    """What linearises at a state, and what multiplies with the matrix.
+
+    `scratch` (3, L) is the thread's own. With `levels` also the springs nearest to a membrane are linearised.
+    """
+    own = [Use(set_own, matrix)]
+    if contact is not None:
+        own.append(Use(add_contact_blocks, Blocks(matrix, contact.penalty.blocks)))
+    state = thread.running.state
+    start, invert = Use(start_diagonal, matrix), Use(invert_diagonal, matrix)
+    if isinstance(links.springs, GridSprings):
+        assert not isinstance(links.bends, MeshBends)
+        grid = GridStiffness(state, links.springs, links.bends, matrix, layout.coefficients, layout.couplings, scratch)
+        first, last, product = Use(linearise_springs, grid), Use(add_grid_diagonal, grid), Use(multiply_grid, grid)
+    elif isinstance(links.springs, MeshMembrane):
+        assert layout.ends is not None
+        assert layout.membrane is not None
+        still = MembraneForces(state, links.springs, None, thread.running.arrays.work.forces)
+        sheet = MembraneStiffness(still, layout.membrane, matrix, layout.coefficients, layout.ends)
+        first, last = Use(linearise_membrane, sheet), Use(add_membrane_diagonal, sheet)
+        product = Use(multiply_membrane, sheet)
+        if levels and layout.nearest is not None:
+            (nearest, found), nowhere = layout.nearest, layout.ends[:0]
+            own.append(Use(linearise_mesh, MeshStiffness(state, nearest, matrix, found, nowhere)))
+    else:
+        assert layout.ends is not None
+        mesh = MeshStiffness(state, links.springs, matrix, layout.coefficients, layout.ends)
+        first, last, product = Use(linearise_mesh, mesh), Use(add_mesh_diagonal, mesh), Use(multiply_mesh, mesh)
+    diagonals, products = [last], [Use(multiply_own, matrix), product]
+    if layout.bends is not None:
+        assert layout.diagonal is not None
+        bends = MeshBendStiffness(layout.bends, matrix, layout.diagonal)
+        diagonals.append(Use(add_mesh_bend_diagonal, bends))
+        products.append(Use(multiply_mesh_bends, bends))
+    return [first, *wait(thread), *own, start, *diagonals, invert], products
 
 
 def link_blocks(matrix: Matrix, layout: Layout, links: Links) -> LinkBlocks:

@@ -7,10 +7,12 @@ import pytest
 
 from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
+from cape.kernels.contact import penalty
 from cape.kernels.implicit.implicit import GAMMA
 from cape.scene.attachments import Attachment
 from cape.scene.colliders import Plane, Sphere
 from cape.scene.scene import Scene
+from cape.scene.standard_scenes import STANDARD_SCENES
 from cape.scene.wind import Wind
 from cape.solvers import TRBDF2, BackwardEuler, SymplecticEuler
 from motions.errors import ValueRangeError
@@ -149,6 +151,30 @@ def test_a_sheet_drapes_over_a_sphere_within_its_thickness(kind, stretch: float)
         run.step(FRAME, 8)
         assert np.linalg.norm(run.positions, axis=1).min() > 0.2 + 0.8 * THICKNESS
     assert run.positions[:, 2].min() < 0.15
+
+
+@pytest.mark.parametrize(("kind", "before", "substeps", "frames"), [(BackwardEuler, 60, 1024, 1), (TRBDF2, 14, 128, 4)])
+def test_cloth_that_strikes_a_sphere_converges_in_very_short_steps(kind, before: int, substeps: int, frames: int):
+    """Impacts press the harder, the shorter the step, and friction then outweighs a vertex's inertia."""
+    run = Run(STANDARD_SCENES["sphere"]().scene, kind())
+    for _ in range(before):
+        run.step(FRAME, 8)
+    assert sum(run.step(FRAME, substeps) for _ in range(frames)) == 0
+
+
+@pytest.mark.parametrize("speed", [1.2e-3, 1e-2, 0.2])
+@pytest.mark.parametrize("left", [0.01, 0.3, 0.9, 1.1])
+def test_friction_s_slope_leads_a_vertex_to_its_speed_in_a_step(speed: float, left: float):
+    """A vertex by itself: inertia (s - s0) + most f1(s) = 0, from a speed above its solution, in closed form."""
+    inertia, most = 4.0, 2.0
+    solution = left * penalty.SLIP
+
+    def grip(s: float) -> float:
+        return 1.0 - (1.0 - min(s / penalty.SLIP, 1.0)) ** 2
+
+    over = inertia * (solution - speed) + most * (grip(solution) - grip(speed))
+    slope = penalty.friction_slope(most, speed, inertia, over)
+    assert speed + over / (inertia + slope) == pytest.approx(solution, rel=1e-9)
 
 
 @both

@@ -7,10 +7,12 @@ relative to the surface that moves with its bone,
     f = -mu pressure f1(|u|) u / |u|,    f1(s) = 2 s / SLIP - s^2 / SLIP^2 below SLIP, otherwise 1
 
 The pressure in it is that of the positions at hand rather than of an earlier iteration. Minus the derivative, as the
-matrix has it, is symmetric and positive semidefinite: k n n^T + mu pressure f1 / (|u| b) (I - n n^T) where a vertex is
-to slow down, and f1' in place of f1 / |u| along u where it is to speed up. As f1 is concave, Newton's method stays on
-its side of the solution with either; with the derivative throughout it overshoots a vertex's rest, and without it
-what begins to slide takes dozens of iterations.
+matrix has it, is symmetric and positive semidefinite: k n n^T + mu pressure f1 / (|u| b) (I - n n^T), with another
+slope in place of f1 / |u| along u: f1' where a vertex is to speed up, where it is to slow down that of the chord of f1
+to the speed at which, by itself, it would be in equilibrium, which may be rest. As f1 is concave, Newton's method stays
+on its side of the solution; with the derivative throughout it overshoots a vertex's rest. With the chord to rest
+throughout, which is f1 / |u|, what slides or has just been caught takes dozens of iterations: each leaves all but
+1 / (1 + mu pressure b / (m |u|)) of what is amiss, and the pressure of an impact grows as 1 / b^2.
 """
 
 import math
@@ -28,6 +30,7 @@ from cape.kernels.state import Inertia, State
 Array = NDArray[np.floating]
 
 SLIP = 1e-3  # m/s below which friction gives way: less sticks better, and costs iterations
+ALIKE = 0.99  # share of a speed from which on another one is told from it by the derivative of friction
 HARD = 10.0  # contact stiffness over mass / b^2, at least: a vertex alone is stopped within a tenth of its way
 
 
@@ -81,8 +84,10 @@ def press(g, c, i, depth, nx, ny, nz, rate):
         blocks[0, i] += across
         blocks[1, i] += across
         blocks[2, i] += across
-        if speed > 0.0 and push(g, i, ux, uy, uz, rate) > 0.0:
-            less = friction * pressure * rate / (speed * (SLIP * SLIP if speed < SLIP else speed * speed))
+        if speed > 0.0:
+            over = push(g, i, ux, uy, uz, rate) / speed
+            slope = friction_slope(friction * pressure, speed, rate * g.inertia.mass[i], over)
+            less = (drag - slope) * rate / (speed * speed)
             blocks[0, i] -= less * ux * ux
             blocks[1, i] -= less * uy * uy
             blocks[2, i] -= less * uz * uz
@@ -95,6 +100,32 @@ def press(g, c, i, depth, nx, ny, nz, rate):
     blocks[3, i] += along * nx * ny
     blocks[4, i] += along * nx * nz
     blocks[5, i] += along * ny * nz
+
+
+@inlined
+def friction_slope(most, speed, inertia, over):
+    """Slope of friction along a vertex's velocity [N s/m], to find its speed by: see above.
+
+    `most` is mu times the pressure [N], `inertia` m / b [kg/s], and `over` what is left over in the equation of motion
+    along the velocity [N].
+    """
+    drive = over + inertia * speed + most * grip(speed)
+    if drive <= 0.0:
+        settled = 0.0
+    elif drive >= most + inertia * SLIP:
+        settled = (drive - most) / inertia
+    else:
+        half = 0.5 * inertia + most / SLIP
+        settled = drive / (half + math.sqrt(half * half - most * drive / (SLIP * SLIP)))
+    if settled < ALIKE * speed:
+        return most * (grip(speed) - grip(settled)) / (speed - settled)
+    return 2.0 * most * (1.0 - speed / SLIP) / SLIP if speed < SLIP else 0.0
+
+
+@inlined
+def grip(speed):
+    """Friction at a speed, as a share of what it is at most: f1."""
+    return (2.0 - speed / SLIP) * speed / SLIP if speed < SLIP else 1.0
 
 
 @inlined

@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 
-from cape.kernels.implicit.stages import longest_share
 from cape.kernels.jit import kernel, routine
 from cape.kernels.program import run
 from cape.kernels.team import meet
@@ -45,6 +44,15 @@ def dot_terms(px, py, pz, qx, qy, qz, terms):
     """Set what each vertex adds to the dot product of p and q."""
     for i in range(terms.size):
         terms[i] = px[i] * qx[i] + py[i] * qy[i] + pz[i] * qz[i]
+
+
+@kernel
+def share_terms(tolerated, rounded, px, py, pz, x, y, z, terms):
+    """Set each vertex's squared length of p as a share of what is `tolerated` [m2], or of its distance from the origin
+    squared times `rounded` if that is more."""
+    for i in range(terms.size):
+        least = max(tolerated, rounded * (x[i] * x[i] + y[i] * y[i] + z[i] * z[i]))
+        terms[i] = (px[i] * px[i] + py[i] * py[i] + pz[i] * pz[i]) / least
 
 
 @kernel
@@ -115,8 +123,8 @@ def sum_all(lo, hi, front, terms, sums, team):
 def solve_linear(system, b, forcing, tolerance, team):
     """Solve A d = r until the residual, in the norm of the preconditioner, is `forcing` times what it was.
 
-    With a `tolerance` [m], unless it is 0, less will do, `ROUGHLY`, once a step of these gradients moves no vertex by
-    more than `LEFT` of it; their lengths are compared in the norm of A, but for the first one.
+    With a `tolerance` [m], unless it is 0, less will do, `ROUGHLY`, once a step of these gradients moves vertices by
+    `LEFT` of it, root mean square; their lengths are compared in the norm of A, but for the first one.
 
     `vectors` (5, 3, L) of the matrix holds d, r, z, p, q; r becomes the residual. Returns the number of iterations, r .
     d of the given r, and how far the first one moves vertices, as a share of the tolerance or infinite without one.
@@ -126,8 +134,8 @@ def solve_linear(system, b, forcing, tolerance, team):
 
 @routine
 def solve_unless(system, b, forcing, tolerance, settled, team):
-    """The same; but where the first step would move all by less than the tolerance and the equations may be `settled`
-    as they are, it is not taken, and d is 0."""
+    """The same; but where the first step would move vertices by less than the tolerance and the equations may be
+    `settled` as they are, it is not taken, and d is 0."""
     matrix, terms, sums, lo, hi = system.matrix, system.work.terms, system.work.sums, team.lo, team.hi
     front, m, vectors, s = matrix.front, matrix.inverse, matrix.vectors, system.state
     dtype = vectors.dtype.type
@@ -156,8 +164,11 @@ def solve_unless(system, b, forcing, tolerance, settled, team):
         slope += gained
         if tolerance > 0.0 and iteration == 0:
             digits = system.settings.digits
-            own = longest_share(p, a, tolerance, digits, s.x[lo:hi], s.y[lo:hi], s.z[lo:hi])
-            first = alpha * largest_of_all(lo, hi, own, system.work.largest, team)
+            share_terms(
+                tolerance * tolerance, digits * digits, p[0, a:e], p[1, a:e], p[2, a:e], s.x[lo:hi], s.y[lo:hi],
+                s.z[lo:hi], terms[a:e],
+            )  # fmt: skip
+            first = alpha * math.sqrt(sum_all(lo, hi, front, terms, sums[2], team) / system.inertia.mass.size)
             if settled and first < 1.0:
                 return 1, slope, first
             least = gained * (LEFT / first) ** 2
