@@ -17,6 +17,7 @@ from cape.cli.reading import Reading
 from cape.cli.running import simulated
 from cape.cloth.fabrics import fabric
 from cape.garments import registry
+from cape.measure.crossings import share_crossed
 from cape.record import LAYERS
 from cape.record.layers import check_layers
 from cape.results.fit import fit_of
@@ -31,6 +32,9 @@ from cape.solvers import Solver, solver
 from motions.errors import UnknownNameError, ValueRangeError
 
 CUTS = {"carry": Cuts(then="carry"), "reset": Cuts(then="reset"), "off": None}
+
+
+LOOKED_AT = 24  # frames in which it is looked whether layers pass through each other
 
 
 @dataclass(frozen=True)
@@ -132,6 +136,8 @@ def run(
         facts["retarget"] = retarget_facts(who.retargeted)
     if check:
         facts["check"] = checked(take)
+    if check or json:
+        facts["layers_crossed"] = round(share_crossed(take.positions, take.triangles, most=LOOKED_AT), 3)
     if json:
         print(json_format.dumps(facts))
     else:
@@ -188,7 +194,7 @@ def _print_table(take: Take, facts: dict[str, Any]) -> None:
         ("cape", f"{facts['vertices']} vertices"),
         ("solver", f"{facts['solver']}, {facts['substeps']} substeps a frame"),
         *step_error_rows(facts["step_error"]),
-        *_self_contact_row(facts["self_contact_mm"]),
+        *_self_contact_rows(facts),
         ("compile time", f"{facts['compile_s']:.2f} s, and {facts['settle_s']:.2f} s to put the cape on"),
         ("run time", f"{facts['solve_s']:.2f} s" + (f", {factor:g} times real time" if factor else "")),
         ("largest stretch", stretch),
@@ -202,5 +208,7 @@ def _print_table(take: Take, facts: dict[str, Any]) -> None:
     print_rows(rows)
 
 
-def _self_contact_row(thickness: float | None) -> list[tuple[str, str]]:
-    return [] if thickness is None else [("self-contact", f"layers of the cape stay {thickness:.1f} mm apart")]
+def _self_contact_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
+    thickness, crossed = facts["self_contact_mm"], facts.get("layers_crossed")
+    rows = [] if thickness is None else [("self-contact", f"layers of the cape stay {thickness:.1f} mm apart")]
+    return rows if crossed is None else [*rows, ("layers pass through each other", f"in {crossed:.0%} of the frames")]

@@ -1,0 +1,69 @@
+"""Where a cloth passes through itself, measured apart from what keeps it from doing so."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def crossings(positions: NDArray[np.floating], triangles: NDArray[np.integer]) -> IntArray:
+    """Find the pairs of triangles, without a common vertex, of which an edge of one passes through the other.
+
+    Args:
+        positions: of the vertices [m], shape (V, 3).
+        triangles: indices of the vertices, shape (T, 3).
+
+    Returns:
+        Indices of the triangles of each pair, shape (n, 2).
+    """
+    corners = np.asarray(positions, dtype=float)[triangles]
+    first, second = _near(corners)
+    shared = (triangles[first][:, :, None] == triangles[second][:, None, :]).any(axis=(1, 2))
+    first, second = first[~shared], second[~shared]
+    through = _is_pierced(corners[first], corners[second]) | _is_pierced(corners[second], corners[first])
+    return np.stack([first[through], second[through]], axis=1)
+
+
+def share_crossed(positions: NDArray[np.floating], triangles: NDArray[np.integer], *, most: int) -> float:
+    """Share of the frames, of at most so many evenly spaced ones, in which a cloth passes through itself.
+
+    Args:
+        positions: of the vertices in each frame [m], shape (F, V, 3).
+        triangles: indices of the vertices, shape (T, 3).
+        most: frames that are looked at.
+    """
+    chosen = np.unique(np.linspace(0, len(positions) - 1, min(most, len(positions))).astype(int))
+    return sum(len(crossings(positions[frame], triangles)) > 0 for frame in chosen) / len(chosen)
+
+
+def _near(corners: FloatArray) -> tuple[IntArray, IntArray]:
+    """Pairs of triangles (T, 3, 3) whose upright boxes overlap."""
+    from scipy.spatial import KDTree
+
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    middles = (low + high) / 2.0
+    # Boxes overlap only where middles are no farther apart than the halves of the largest diagonal together.
+    pairs = KDTree(middles).query_pairs(np.linalg.norm(high - low, axis=1).max() * (1.0 + 1e-9), output_type="ndarray")
+    first, second = pairs[:, 0], pairs[:, 1]
+    overlap = ((low[first] <= high[second]) & (low[second] <= high[first])).all(axis=1)
+    return first[overlap], second[overlap]
+
+
+def _is_pierced(triangles: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
+    """Tell of each triangle (n, 3, 3) whether an edge of its other (n, 3, 3) passes through its inside."""
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    normal = np.cross(b - a, c - a)
+    heights = np.einsum("nij,nj->ni", others - a[:, None], normal)
+    pierced = np.zeros(len(triangles), dtype=bool)
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        candidates = np.flatnonzero(heights[:, i] * heights[:, j] < 0.0)
+        above, below = heights[candidates, i], heights[candidates, j]
+        start, end = others[candidates, i], others[candidates, j]
+        point = start + (above / (above - below))[:, None] * (end - start)
+        inside = np.ones(len(candidates), dtype=bool)
+        for u, v in ((a, b), (b, c), (c, a)):
+            u, v = u[candidates], v[candidates]
+            inside &= np.einsum("ni,ni->n", np.cross(v - u, point - u), normal[candidates]) > 0.0
+        pierced[candidates] |= inside
+    return pierced
