@@ -143,8 +143,12 @@ def cut(
         typer.Option(help="Where the bones jump, carry the cape along or reset it; off takes jumps as motion."),
     ] = "carry",
     self_contact: Annotated[
-        bool, typer.Option("--self-contact", help="Keep the cape from passing through itself.")
-    ] = False,
+        bool | None,
+        typer.Option(
+            "--self-contact/--no-self-contact",
+            help="Keep the cape from passing through itself; by default where its folds meet.",
+        ),
+    ] = None,
 ) -> "Cut":
     """The cape and how to simulate it."""
     from cape.cli.commands.replay import Cut

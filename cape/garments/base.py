@@ -39,12 +39,16 @@ class Hold(NamedTuple):
 
 
 class Worn(NamedTuple):
-    """A garment cut for a body: its cloth, what holds it, whether it is put on with arms lowered, and the distance at
-    which colliders stop it [m], None for that of any scene."""
+    """A garment cut for a body.
+
+    Its cloth, what holds it, whether it is put on with arms lowered, whether it falls in folds whose layers meet, and
+    the distance at which colliders stop it [m], None for that of any scene.
+    """
 
     cloth: Cloth
     holds: tuple[Hold, ...]
     arms_lowered: bool
+    layered: bool = False
     thickness: float | None = None
 
 

@@ -66,7 +66,7 @@ class Cut:
             fabric=measures.fabric or Fabric(),
         )
         held = Hold("chest", "collar", fitted.into_bone("chest", collar))
-        return Worn(cloth, (held,), arms_lowered=True, thickness=thickness)
+        return Worn(cloth, (held,), arms_lowered=True, layered=True, thickness=thickness)
 
 
 def lay_out(

@@ -12,6 +12,7 @@ from cape.scene.attachments import attach
 from cape.scene.colliders import Collider
 from cape.scene.floor import floor_under
 from cape.scene.scene import WEARER_ROLES, Scene
+from cape.scene.self_contact import SelfContact
 from cape.scene.wind import Wind
 from skeleton.track import BoneTrack
 
@@ -30,6 +31,7 @@ def dress(
     fabric: Fabric | None = None,
     colliders: Sequence[Collider] | None = None,
     wind: Wind | None = None,
+    self_contact: bool | SelfContact | None = None,
 ) -> Scene:
     """Cut a cape for a body and build the scene in which it wears it.
 
@@ -44,6 +46,8 @@ def dress(
         fabric: None for that of `Fabric()`.
         colliders: what surrounds its limbs; None for capsules by the proportions of the human body.
         wind: the air; None for still air.
+        self_contact: whether, or how, layers of the cape are kept from passing through each other; None where the
+            garment falls in folds whose layers meet.
 
     Raises:
         ValueRangeError: a size is out of range.
@@ -61,6 +65,7 @@ def dress(
         [attach(worn.cloth, hold.bone, hold.region, points=hold.points) for hold in worn.holds],
         (*colliders, floor_under(colliders, track)),
         wind=wind or Wind(),
+        self_contact=_self_contact(worn.layered if self_contact is None else self_contact),
         thickness=Scene.thickness if worn.thickness is None else worn.thickness,
         wearer=(_beginning(body, WEARER_ROLES[0]), _beginning(body, WEARER_ROLES[1]), WEARER_ROLES[2]),
     )
@@ -69,6 +74,10 @@ def dress(
     if not worn.arms_lowered:
         return scene
     return replace(scene, dressing=dict(zip(scene.bones, zip(*fitted.pose(scene.bones), strict=True), strict=True)))
+
+
+def _self_contact(asked: bool | SelfContact) -> SelfContact | None:
+    return asked if isinstance(asked, SelfContact) else SelfContact() if asked else None
 
 
 def _beginning(body: "Skeleton", role: str) -> str:

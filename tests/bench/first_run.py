@@ -64,7 +64,8 @@ class Run(NamedTuple):
 
 RUNS = (
     Run("replay", REPLAY, ("replay",)),
-    Run("replay --self-contact", REPLAY, ("replay", "--self-contact"), "replay"),
+    Run("replay --no-self-contact", REPLAY, ("replay", "--no-self-contact")),
+    Run("replay --self-contact", REPLAY, ("replay", "--self-contact"), "replay --no-self-contact"),
     Run("replay --solver xpbd", REPLAY, ("replay", "--solver", "xpbd"), "replay"),
     Run("replay --solver backward_euler", REPLAY, ("replay", "--solver", "backward_euler"), "replay"),
     Run("replay --solver tr_bdf2", REPLAY, ("replay", "--solver", "tr_bdf2"), "replay"),

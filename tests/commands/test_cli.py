@@ -99,8 +99,8 @@ def test_a_users_mistake_is_one_line_and_status_2(case, broken, forks):
 KEYS = [
     "frames", "fps", "vertices", "bones", "capsules", "solver", "substeps", "compile_s", "solve_s", "realtime_factor",
     "stretch_max", "stretch_p99", "shoulders_covered", "collar_gap_mm", "collar_gap_p95_mm", "folds", "hem_m",
-    "penetration_max_mm", "self_contact_mm", "left_out", "jumps", "result", "warnings",
-    "output",
+    "penetration_max_mm", "self_contact_mm", "left_out", "jumps", "put_on_anew", "result", "warnings",
+    "output", "layers_crossed",
 ]  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from cape.cloth.cloth import GridCloth
 from cape.garments.fitting import Fitted
 from cape.garments.registry import GARMENTS
 from cape.kernels.contact.contact import EXIT
+from cape.measure.crossings import crossings
 from motions import quaternions
 from motions.errors import UnknownNameError, ValueRangeError
 from skeleton import Skeleton
@@ -164,3 +165,23 @@ def test_what_cannot_be_cut_is_told(walker):
     with pytest.raises(ValueRangeError, match="flare"):
         cape.dress(body, track, garment="cloak", flare=-1.0)
     assert set(COLLARED) < set(GARMENTS)
+
+
+def test_layers_of_what_falls_in_folds_are_kept_apart_unless_it_is_said_otherwise(walker):
+    body, track = walker
+    assert cape.dress(body, track).self_contact == cape.SelfContact()
+    assert cape.dress(body, track, self_contact=False).self_contact is None
+    assert cape.dress(body, track, garment="back_cape").self_contact is None
+    assert cape.dress(body, track, garment="back_cape", self_contact=True).self_contact == cape.SelfContact()
+    own = cape.SelfContact(thickness=0.003)
+    assert cape.dress(body, track, self_contact=own).self_contact == own
+
+
+def test_layers_of_a_walker_s_cape_do_not_pass_through_each_other(walker):
+    body, track = walker
+    apart, through = (
+        cape.simulate(cape.dress(body, track, self_contact=kept), track).positions[-1] for kept in (None, False)
+    )
+    triangles = cape.dress(body, track).cloth.triangles
+    assert len(crossings(apart, triangles)) == 0
+    assert len(crossings(through, triangles)) > 0

@@ -2,7 +2,7 @@
 
 import json as json_format
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,6 @@ from cape.run.auto import Auto
 from cape.scene.dress import dress
 from cape.scene.jumps import Cuts
 from cape.scene.scene import Scene
-from cape.scene.self_contact import SelfContact
 from cape.scene.wind import Wind
 from cape.solvers import Solver, solver
 from motions.errors import UnknownNameError, ValueRangeError
@@ -51,7 +50,7 @@ class Cut:
     budget: float | None = None
     wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
     cuts: str = "carry"
-    self_contact: bool = False
+    self_contact: bool | None = None
 
     def scene(self, who: Character) -> Scene:
         """The cape on a character.
@@ -59,7 +58,7 @@ class Cut:
         Raises:
             UserError: a value is out of range, or the body lacks what wears a cape.
         """
-        scene = dress(
+        return dress(
             who.body,
             who.track,
             garment=self.garment,
@@ -68,8 +67,8 @@ class Cut:
             fabric=fabric(self.fabric),
             colliders=who.hitboxes.solids,
             wind=Wind(velocity=self.wind),
+            self_contact=self.self_contact,
         )
-        return replace(scene, self_contact=SelfContact()) if self.self_contact else scene
 
     def check(self) -> None:
         """Look at all names and numbers that can be told wrong before a motion is read.
