@@ -90,7 +90,7 @@ def _read_array(context, builder, kind, table, word):
     strides = None
     if kind.layout != "C":
         strides = [_read_word(builder, table, word + 1 + kind.ndim + axis) for axis in range(kind.ndim)]
-    return array_of(context, builder, kind, builder.inttoptr(_read_word(builder, table, word), pointer), shape, strides)
+    return array_of(model, builder, builder.inttoptr(_read_word(builder, table, word), pointer), shape, strides)
 
 
 def _read_word(builder, table, word):

@@ -7,9 +7,11 @@ allocated, no reference counted, and nothing raises.
 """
 
 import operator
+from collections import defaultdict
 from typing import Any
 
 from numba.core import cgutils, ir, lowering, typed_passes, types
+from numba.core.analysis import compute_cfg_from_blocks, must_use_alloca
 from numba.cpython.builtins import do_minmax
 
 from cape.kernels.compiler.arrays import ArrayValue, is_stretch
@@ -57,6 +59,29 @@ class Lowering(lowering.Lower):
             self.storevar(self.lower_assign(self.typeof(inst.target.name), inst), inst.target.name)
         elif not (isinstance(inst, ir.SetItem | ir.StaticSetItem) and self._lower_write(inst)):
             super().lower_inst(inst)
+
+    def _find_singly_assigned_variable(self):
+        """Find the variables that need no room on the stack: assigned once, on every way to where they are read."""
+        assigned, several = {}, set(must_use_alloca(self.blocks))
+        read = defaultdict(set)
+        for label, block in self.blocks.items():
+            for place, instruction in enumerate(block.body):
+                reads = instruction
+                if isinstance(instruction, ir.Assign):
+                    reads, target = instruction.value, instruction.target.name
+                    if target in assigned:
+                        several.add(target)
+                    assigned[target] = label, place
+                for variable in instruction._rec_list_vars(reads):
+                    read[variable.name].add((label, place))
+        before = compute_cfg_from_blocks(self.blocks).dominators()
+        self._singly_assigned_vars = {
+            name
+            for name, (label, place) in assigned.items()
+            if name not in several
+            and all(there > place if where == label else label in before[where] for where, there in read[name])
+        }
+        self._blk_local_varmap = {}
 
     def storevar(self, value, name, argidx=None):
         """Keep the value of a variable."""
