@@ -5,6 +5,7 @@ numba spreads them over the stack at every index. To a function only those are p
 of its type.
 """
 
+import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -20,15 +21,16 @@ WORD = ir.IntType(64)
 class ArrayValue:
     """An array whose struct is at hand."""
 
-    def __init__(self, context: Any, builder: Any, kind: types.Array, value: Any) -> None:
+    def __init__(self, lowering: Any, kind: types.Array, value: Any) -> None:
         """Fields are read when they are asked for."""
-        self.context, self.builder, self.kind, self.value = context, builder, kind, value
-        self._model = context.data_model_manager[kind]
+        self.context, self.builder, self.kind, self.value = lowering.context, lowering.builder, kind, value
+        self._natural = lowering.natural
+        self._model = self.context.data_model_manager[kind]
 
     def field(self, name: str, axis: int | None = None) -> Any:
         """A field, of shape and strides the part of an axis."""
         place = self._model.get_field_position(name)
-        return _part(self.builder, self.value, [place] if axis is None else [place, axis])
+        return part_of(self.builder, self.value, [place] if axis is None else [place, axis])
 
     def is_element(self, axes: Sequence[types.Type]) -> bool:
         """Tell whether indices of some kinds name an element, rather than a part of the array."""
@@ -72,13 +74,13 @@ class ArrayValue:
         """An index as Python means it: below zero from the end."""
         plain = types.unliteral(kind)
         number = self.context.cast(self.builder, index, plain, types.int64 if kind.signed else types.uint64)
-        if not kind.signed:
-            return number
-        if isinstance(number, ir.Constant):
-            return number if number.constant >= 0 else self.builder.add(number, self.field("shape", axis))
-        return self._wrapped(number, self.field("shape", axis))
+        return number if not kind.signed else self._wrapped(number, self.field("shape", axis))
 
     def _wrapped(self, number: Any, length: Any) -> Any:
+        if number in self._natural:
+            return number
+        if isinstance(number, ir.Constant):
+            return number if number.constant >= 0 else self.builder.add(number, length)
         below = self.builder.icmp_signed("<", number, WORD(0))
         return self.builder.select(below, self.builder.add(number, length), number)
 
@@ -88,7 +90,10 @@ class ArrayValue:
         model = self.context.data_model_manager[kind]
 
         def bound(name: str) -> Any:
-            number = self._wrapped(builder.extract_value(chosen, model.get_field_position(name)), length)
+            number = part_of(builder, chosen, [model.get_field_position(name)])
+            if isinstance(number, ir.Constant) and number.constant in (0, sys.maxsize):
+                return length if number.constant else number
+            number = self._wrapped(number, length)
             number = builder.select(builder.icmp_signed("<", number, WORD(0)), WORD(0), number)
             return builder.select(builder.icmp_signed(">", number, length), length, number)
 
@@ -124,7 +129,7 @@ def array_of(
     return array
 
 
-def _part(builder: Any, value: Any, place: list[int]) -> Any:
+def part_of(builder: Any, value: Any, place: list[int]) -> Any:
     """What is at a place in a struct: what was put there, if that can be seen, rather than read from the struct."""
     while isinstance(value, InsertValue):
         struct, part = value.operands
@@ -147,7 +152,7 @@ class PassedArray(ArrayModel):
         """Taken from the struct."""
         fields = ["shape"] if self._dense else ["shape", "strides"]
         places = [[self.get_field_position(name), axis] for name in fields for axis in range(self._axes)]
-        return tuple(_part(builder, value, place) for place in [[self.get_field_position("data")], *places])
+        return tuple(part_of(builder, value, place) for place in [[self.get_field_position("data")], *places])
 
     def from_argument(self, builder: Any, value: Sequence[Any]) -> Any:
         """The struct again."""
