@@ -24,7 +24,7 @@ class ArrayValue:
     def __init__(self, lowering: Any, kind: types.Array, value: Any) -> None:
         """Fields are read when they are asked for."""
         self.context, self.builder, self.kind, self.value = lowering.context, lowering.builder, kind, value
-        self._natural = lowering.natural
+        self._natural, self._found = lowering.natural, lowering.found
         self._model = self.context.data_model_manager[kind]
 
     def field(self, name: str, axis: int | None = None) -> Any:
@@ -66,7 +66,8 @@ class ArrayValue:
                 strides.append(stride)
             else:
                 start = self._from_end(chosen[axis], axes[axis], axis)
-            offset = builder.add(offset, builder.mul(start, stride))
+            if not (isinstance(start, ir.Constant) and start.constant == 0):
+                offset = builder.add(offset, builder.mul(start, stride))
         data = cgutils.pointer_add(builder, self.field("data"), offset)
         return array_of(self.context.data_model_manager[kind], builder, data, shape, strides)
 
@@ -85,19 +86,25 @@ class ArrayValue:
         return self.builder.select(below, self.builder.add(number, length), number)
 
     def _stretch(self, kind: types.Type, chosen: Any, axis: int) -> tuple[Any, Any]:
-        """Where a slice begins and how long it is, both within the axis."""
-        builder, length = self.builder, self.field("shape", axis)
-        model = self.context.data_model_manager[kind]
+        """Where a slice begins and how long it is, both within the axis; found once for all arrays of its length."""
+        length, model = self.field("shape", axis), self.context.data_model_manager[kind]
+        bounds = [part_of(self.builder, chosen, [model.get_field_position(name)]) for name in ("start", "stop")]
+        key = self.builder.block, length, *bounds
+        if key not in self._found:
+            self._found[key] = self._within(length, *bounds)
+        return self._found[key]
 
-        def bound(name: str) -> Any:
-            number = part_of(builder, chosen, [model.get_field_position(name)])
+    def _within(self, length: Any, *bounds: Any) -> tuple[Any, Any]:
+        builder = self.builder
+
+        def within(number: Any) -> Any:
             if isinstance(number, ir.Constant) and number.constant in (0, sys.maxsize):
                 return length if number.constant else number
             number = self._wrapped(number, length)
             number = builder.select(builder.icmp_signed("<", number, WORD(0)), WORD(0), number)
             return builder.select(builder.icmp_signed(">", number, length), length, number)
 
-        start, stop = bound("start"), bound("stop")
+        start, stop = map(within, bounds)
         some = builder.icmp_signed("<", start, stop)
         return start, builder.select(some, builder.sub(stop, start), WORD(0))
 

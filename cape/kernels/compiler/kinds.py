@@ -65,7 +65,8 @@ class _GroupAttribute(AttributeTemplate):
 
 
 @lower_getattr_generic(GroupType)
-def _read_field(context, builder, group, table, name):
+def read_field(context, builder, group, table, name):
+    """Read a field of a group from its table."""
     field, word = group.types[name], group.words[name]
     if field is types.none:
         return context.get_dummy_value()

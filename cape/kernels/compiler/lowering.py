@@ -17,7 +17,7 @@ from numba.core.analysis import compute_cfg_from_blocks, must_use_alloca
 from numba.cpython.builtins import do_minmax
 
 from cape.kernels.compiler.arrays import ArrayValue, is_stretch, part_of
-from cape.kernels.compiler.kinds import FunctionType, IntrinsicType
+from cape.kernels.compiler.kinds import FunctionType, GroupType, IntrinsicType, read_field
 
 _ON_REALS = {operator.add: "fadd", operator.sub: "fsub", operator.mul: "fmul", operator.truediv: "fdiv"}
 _ON_WHOLE = {operator.add: "add", operator.sub: "sub", operator.mul: "mul", operator.and_: "and_", operator.or_: "or_"}
@@ -48,6 +48,7 @@ class Lowering(lowering.Lower):
         counted: what is in hand of each loop that counts up by one: by its iterator, where the number is, its end, and
             whether it starts at a constant of 0 or more.
         natural: numbers that are never below zero.
+        found: what was found in a block already, to be found once.
     """
 
     def lower_block(self, block):
@@ -89,6 +90,7 @@ class Lowering(lowering.Lower):
                     read[variable.name].add((label, place))
         self.counted: dict[Any, tuple[Any, Any, bool]] = {}
         self.natural: set[Any] = set()
+        self.found: dict[Any, Any] = {}
         before = compute_cfg_from_blocks(self.blocks).dominators()
         self._singly_assigned_vars = {
             name
@@ -215,8 +217,13 @@ class Lowering(lowering.Lower):
         return part_of(self.builder, pair, [1])
 
     def _lower_getattr(self, resty, value, expr):
-        """Size and shape of an array, or None."""
+        """A field of a group, size or shape of an array, or None."""
         kind: Any = self.typeof(expr.value.name)
+        if isinstance(kind, GroupType):
+            key = self.builder.block, value, expr.attr
+            if key not in self.found:
+                self.found[key] = read_field(self.context, self.builder, kind, value, expr.attr)
+            return self.context.cast(self.builder, self.found[key], kind.types[expr.attr], resty)
         if not isinstance(kind, types.Array) or expr.attr not in ("size", "shape"):
             return None
         array = ArrayValue(self, kind, value)
