@@ -2,8 +2,9 @@
 
 Numba's lowering serves all types that there are: of each addition it finds out anew what it adds, and an array is
 spread over the stack to read a number of it. Numbers, elements of arrays and calls are nearly all that kernels are
-made of, so these are lowered here, to the same operations in the same order; the rest is left to numba. Nothing is
-allocated, no reference counted, and nothing raises.
+made of, so these are lowered here, to the same operations in the same order, with loops that count up by one, and
+views; the rest is left to numba. What numba keeps on the stack for LLVM to find again is a value here wherever it can
+be. Nothing is allocated, no reference counted, and nothing raises.
 """
 
 import operator
@@ -45,11 +46,18 @@ class Lowering(lowering.Lower):
     """Numba's lowering, with short ways.
 
     Attributes:
-        counted: what is in hand of each loop that counts up by one: by its iterator, where the number is, its end, and
-            whether it starts at a constant of 0 or more.
+        counted: loops that count up by one, by their iterator: where the number is, its end, and whether they start
+            at a constant of 0 or more.
         natural: numbers that are never below zero.
         found: what was found in a block already, to be found once.
     """
+
+    def init(self):
+        """Begin a function."""
+        self.counted: dict[Any, tuple[Any, Any, bool]] = {}
+        self.natural: set[Any] = set()
+        self.found: dict[Any, Any] = {}
+        super().init()
 
     def lower_block(self, block):
         """Lower a block; what goes wrong tells where."""
@@ -88,15 +96,15 @@ class Lowering(lowering.Lower):
                         self._copies[reads.name].append(target)
                 for variable in instruction._rec_list_vars(reads):
                     read[variable.name].add((label, place))
-        self.counted: dict[Any, tuple[Any, Any, bool]] = {}
-        self.natural: set[Any] = set()
-        self.found: dict[Any, Any] = {}
         before = compute_cfg_from_blocks(self.blocks).dominators()
         self._singly_assigned_vars = {
             name
             for name, (label, place) in assigned.items()
             if name not in several
-            and all(there > place if where == label else label in before[where] for where, there in read[name])
+            and all(
+                there > place if where == label else label < where and label in before[where]
+                for where, there in read[name]
+            )
         }
         self._blk_local_varmap = {}
 
