@@ -9,7 +9,8 @@ from typing import Any
 
 from numba.core import bytecode, compiler, ssa, targetconfig, transforms, typed_passes, types, untyped_passes
 from numba.core.analysis import dead_branch_prune, rewrite_semantic_constants
-from numba.core.datamodel import DataModelManager, default_manager
+from numba.core.datamodel.manager import DataModelManager
+from numba.core.datamodel.registry import default_manager
 from numba.core.ir_utils import build_definitions
 from numba.core.registry import cpu_target
 from numba.core.rewrites.registry import rewrite_registry
