@@ -269,7 +269,8 @@ class Lowering(lowering.Lower):
         kind: Any = self.typeof(expr.value.name)
         if expr.op == "static_getitem" and isinstance(kind, types.BaseTuple) and isinstance(expr.index, int):
             value = part_of(self.builder, self.loadvar(expr.value.name), [expr.index % len(kind)])
-            return self.context.cast(self.builder, value, kind.types[expr.index], resty)
+            parts: Any = kind
+            return self.context.cast(self.builder, value, parts.types[expr.index], resty)
         array, axes, chosen = self._chosen(expr.value, expr.index if expr.op == "getitem" else expr.index_var)
         if array is None:
             return None
