@@ -290,3 +290,106 @@ def test_what_can_t_be_compiled_tells_where():
 
     with pytest.raises(Exception, match="nothing_of_this_name"):
         nonsense(np.zeros(3))
+
+
+# -- loops, views and what lies between --
+
+
+@routine
+def numbers_counted(values, begin, end):
+    total, last = 0.0, -100
+    for i in range(begin, end):
+        last = i
+        if values[i] == 3.0:
+            continue
+        if values[i] == 5.0:
+            break
+        total = 2.0 * total + values[i]
+    return total, last
+
+
+@given(st.integers(-8, 8), st.integers(-8, 8))
+def test_a_loop_counts_as_python_does_and_reads_from_the_end_below_zero(begin: int, end: int):
+    values = np.array([1.0, 2.0, 3.0, 4.0, 7.0, 6.0, 5.0, 8.0])
+    assert same(numbers_counted(values, begin, end), plain(numbers_counted, values, begin, end))
+
+
+@routine
+def triangle(n, out):
+    count = 0
+    for i in range(n):
+        for j in range(i):
+            for k in range(j, i, 2):
+                out[i, j] += k
+                count += 1
+        i = 0 - i
+        out[i, i] += 1.0
+    return count
+
+
+@given(st.integers(-2, 6))
+def test_loops_within_loops_begin_anew(n: int):
+    found, expected = np.zeros((6, 6)), np.zeros((6, 6))
+    assert triangle(n, found) == plain(triangle, n, expected)
+    assert np.array_equal(found, expected)
+
+
+@routine
+def in_one_branch(values, which):
+    if which > 0:
+        chosen, factor = values[1:], 2.0
+    else:
+        chosen, factor = values, 3.0
+    for i in range(chosen.size):
+        if chosen[i] > 2.0:
+            factor += chosen[i]
+    return chosen[0] * factor
+
+
+@given(st.integers(-1, 1))
+def test_what_branches_set_is_what_was_set_last(which: int):
+    values = np.array([1.0, 2.0, 3.0])
+    assert in_one_branch(values, which) == plain(in_one_branch, values, which)
+
+
+@routine
+def middle(values, lo, hi, out):
+    inner, rest, head = values[lo:hi], values[lo:], values[:hi]
+    out[0], out[1], out[2] = inner.shape[0], rest.size, head.shape[0]
+    for i in range(inner.size):
+        out[3] += inner[i]
+    if inner.size > 0:
+        inner[0] = -1.0
+
+
+@given(st.integers(-8, 8), st.integers(-8, 8), st.booleans())
+def test_views_are_those_of_numpy(lo: int, hi: int, gaps: bool):
+    found, expected = (np.arange(12.0)[:: 2 if gaps else 1] for _ in range(2))
+    results = np.zeros(4), np.zeros(4)
+    middle(found, lo, hi, results[0])
+    plain(middle, expected, lo, hi, results[1])
+    assert np.array_equal(results[0], results[1])
+    assert np.array_equal(found, expected)
+
+
+@routine
+def sum_of(part):
+    total = 0.0
+    for i in range(part.shape[0]):
+        for j in range(part.shape[1]):
+            total = 2.0 * total + part[i, j]
+    return total + part.size
+
+
+@routine
+def sums_of_slices(values, lo, hi):
+    return sum_of(values[1, lo:hi]), sum_of(values[:, lo:hi, 1])
+
+
+@given(st.integers(0, 3), st.integers(0, 3), st.integers(0, 3))
+def test_arrays_are_passed_whole_with_and_without_gaps(lo: int, hi: int, turned: int):
+    values = np.arange(36.0).reshape(3, 3, 4).transpose([(0, 1, 2), (1, 0, 2), (2, 1, 0), (0, 2, 1)][turned])
+    flat = values[:, :, 2]
+    assert same(sum_of(flat), plain(sum_of, flat))
+    expected = [plain(sum_of, part) for part in (values[1, lo:hi], values[:, lo:hi, 1])]
+    assert same(sums_of_slices(values, lo, hi), expected)

@@ -65,7 +65,8 @@ class _GroupAttribute(AttributeTemplate):
 
 
 @lower_getattr_generic(GroupType)
-def _read_field(context, builder, group, table, name):
+def read_field(context, builder, group, table, name):
+    """Read a field of a group from its table."""
     field, word = group.types[name], group.words[name]
     if field is types.none:
         return context.get_dummy_value()
@@ -90,7 +91,7 @@ def _read_array(context, builder, kind, table, word):
     strides = None
     if kind.layout != "C":
         strides = [_read_word(builder, table, word + 1 + kind.ndim + axis) for axis in range(kind.ndim)]
-    return array_of(context, builder, kind, builder.inttoptr(_read_word(builder, table, word), pointer), shape, strides)
+    return array_of(model, builder, builder.inttoptr(_read_word(builder, table, word), pointer), shape, strides)
 
 
 def _read_word(builder, table, word):

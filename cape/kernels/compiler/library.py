@@ -6,9 +6,12 @@ lowered; what is asked for by Python is linked with all that it calls, optimised
 """
 
 import gc
+from collections import Counter
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
+from llvmlite.ir.instructions import PhiInstr
 from numba.core import cgutils, codegen, compiler, types
 from numba.core.compiler_lock import global_compiler_lock
 
@@ -25,6 +28,8 @@ class Library(codegen.JITCodeLibrary):
 
     def add_ir_module(self, ir_module: Any) -> None:
         """Take in what was lowered."""
+        for function in ir_module.functions:
+            leave_out_unused(function)
         module = llvm.parse_assembly(cgutils.normalize_ir_text(str(ir_module)))
         module.name = ir_module.name
         self._optimize_functions(module)
@@ -54,6 +59,38 @@ class Library(codegen.JITCodeLibrary):
                 known[library] = None
         known[self] = None
         return known
+
+
+_WITHOUT_EFFECT = frozenset(("insertvalue", "extractvalue", "getelementptr", "load", "mul", "inttoptr", "bitcast"))
+
+
+def leave_out_unused(function: Any) -> None:
+    """Leave out what is read or put together of arrays and never used, before it is written as text and read again."""
+    uses: Counter[int] = Counter()
+    removable = []
+    for block in function.blocks:
+        for instruction in block.instructions:
+            uses.update(map(id, _operands(instruction)))
+            if instruction.opname in _WITHOUT_EFFECT:
+                removable.append(instruction)
+    unused: set[int] = set()
+    waiting = [instruction for instruction in removable if not uses[id(instruction)]]
+    known = {id(instruction): instruction for instruction in removable}
+    while waiting:
+        instruction = waiting.pop()
+        unused.add(id(instruction))
+        for operand in instruction.operands:
+            uses[id(operand)] -= 1
+            if not uses[id(operand)] and id(operand) in known:
+                waiting.append(operand)
+    for block in function.blocks:
+        block.instructions[:] = [each for each in block.instructions if id(each) not in unused]
+
+
+def _operands(instruction: Any) -> Iterable[Any]:
+    if isinstance(instruction, PhiInstr):
+        return (value for value, _ in instruction.incomings)
+    return instruction.operands
 
 
 class Made(NamedTuple):

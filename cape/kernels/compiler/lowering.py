@@ -2,18 +2,23 @@
 
 Numba's lowering serves all types that there are: of each addition it finds out anew what it adds, and an array is
 spread over the stack to read a number of it. Numbers, elements of arrays and calls are nearly all that kernels are
-made of, so these are lowered here, to the same operations in the same order; the rest is left to numba. Nothing is
-allocated, no reference counted, and nothing raises.
+made of, so these are lowered here, to the same operations in the same order, with loops that count up by one, and
+views; the rest is left to numba. What numba keeps on the stack for LLVM to find again is a value here wherever it can
+be. Nothing is allocated, no reference counted, and nothing raises.
 """
 
 import operator
+import sys
+from collections import defaultdict
 from typing import Any
 
+from llvmlite import ir as llvm_ir
 from numba.core import cgutils, ir, lowering, typed_passes, types
+from numba.core.analysis import compute_cfg_from_blocks, must_use_alloca
 from numba.cpython.builtins import do_minmax
 
-from cape.kernels.compiler.arrays import ArrayValue, is_stretch
-from cape.kernels.compiler.kinds import FunctionType, IntrinsicType
+from cape.kernels.compiler.arrays import ArrayValue, is_stretch, part_of
+from cape.kernels.compiler.kinds import FunctionType, GroupType, IntrinsicType, read_field
 
 _ON_REALS = {operator.add: "fadd", operator.sub: "fsub", operator.mul: "fmul", operator.truediv: "fdiv"}
 _ON_WHOLE = {operator.add: "add", operator.sub: "sub", operator.mul: "mul", operator.and_: "and_", operator.or_: "or_"}
@@ -25,6 +30,7 @@ _COMPARISONS = {
     operator.eq: "==",
     operator.ne: "!=",
 }
+_SHORT = ("getiter", "iternext", "pair_first", "pair_second", "getattr")
 
 
 def comparison_of(function: Any, arguments: Any) -> Any:
@@ -37,7 +43,21 @@ def comparison_of(function: Any, arguments: Any) -> Any:
 
 
 class Lowering(lowering.Lower):
-    """Numba's lowering, with short ways."""
+    """Numba's lowering, with short ways.
+
+    Attributes:
+        counted: loops that count up by one, by their iterator: where the number is, its end, and whether they start
+            at a constant of 0 or more.
+        natural: numbers that are never below zero.
+        found: what was found in a block already, to be found once.
+    """
+
+    def init(self):
+        """Begin a function."""
+        self.counted: dict[Any, tuple[Any, Any, bool]] = {}
+        self.natural: set[Any] = set()
+        self.found: dict[Any, Any] = {}
+        super().init()
 
     def lower_block(self, block):
         """Lower a block; what goes wrong tells where."""
@@ -54,9 +74,39 @@ class Lowering(lowering.Lower):
     def lower_inst(self, inst):
         """Lower an instruction."""
         if isinstance(inst, ir.Assign):
+            self._target = inst.target.name
             self.storevar(self.lower_assign(self.typeof(inst.target.name), inst), inst.target.name)
         elif not (isinstance(inst, ir.SetItem | ir.StaticSetItem) and self._lower_write(inst)):
             super().lower_inst(inst)
+
+    def _find_singly_assigned_variable(self):
+        """Find the variables that need no room on the stack: assigned once, on every way to where they are read."""
+        self._copies = defaultdict(list)
+        assigned, several = {}, set(must_use_alloca(self.blocks))
+        read = defaultdict(set)
+        for label, block in self.blocks.items():
+            for place, instruction in enumerate(block.body):
+                reads = instruction
+                if isinstance(instruction, ir.Assign):
+                    reads, target = instruction.value, instruction.target.name
+                    if target in assigned:
+                        several.add(target)
+                    assigned[target] = label, place
+                    if isinstance(reads, ir.Var):
+                        self._copies[reads.name].append(target)
+                for variable in instruction._rec_list_vars(reads):
+                    read[variable.name].add((label, place))
+        before = compute_cfg_from_blocks(self.blocks).dominators()
+        self._singly_assigned_vars = {
+            name
+            for name, (label, place) in assigned.items()
+            if name not in several
+            and all(
+                there > place if where == label else label < where and label in before[where]
+                for where, there in read[name]
+            )
+        }
+        self._blk_local_varmap = {}
 
     def storevar(self, value, name, argidx=None):
         """Keep the value of a variable."""
@@ -77,6 +127,8 @@ class Lowering(lowering.Lower):
             short = self._lower_arithmetic(resty, expr)
         elif expr.op in ("getitem", "static_getitem"):
             short = self._lower_read(resty, expr)
+        elif expr.op in _SHORT:
+            short = getattr(self, f"_lower_{expr.op}")(resty, self.loadvar(expr.value.name), expr)
         return super().lower_expr(resty, expr) if short is None else short
 
     def lower_call(self, resty, expr):
@@ -85,7 +137,10 @@ class Lowering(lowering.Lower):
         signature = self.fndesc.calltypes[expr]
         compare = comparison_of(kind, signature.args)
         if compare is None and not isinstance(kind, FunctionType | IntrinsicType):
-            return super().lower_call(resty, expr)
+            short = None
+            if isinstance(kind, types.Function) and not expr.kws:
+                short = self._lower_stretch(kind.typing_key, resty, expr, signature)
+            return super().lower_call(resty, expr) if short is None else short
         given = [self._cast_var(variable, to) for variable, to in zip(expr.args, signature.args, strict=True)]
         if compare is not None:
             result = do_minmax(self.context, self.builder, signature.args, given, compare)
@@ -110,6 +165,83 @@ class Lowering(lowering.Lower):
         builder.call(function, [place, raised, *packer.as_arguments(builder, given)])
         return self.context.get_returned_value(builder, made.signature.return_type, builder.load(place))
 
+    def _lower_stretch(self, function, resty, expr, signature):
+        """A range of numbers, or of places in an array, by steps of one, or None."""
+        count = len(signature.args)
+        if count > 2 or not (
+            (function is range and isinstance(resty, types.RangeType))
+            or (function is slice and isinstance(resty, types.SliceType) and not resty.has_step)
+        ):
+            return None
+        whole = self.context.get_value_type(resty)
+        given = [
+            None if kind is types.none else self._cast_var(variable, kind)
+            for variable, kind in zip(expr.args, signature.args, strict=True)
+        ]
+        start, stop = given if count == 2 else (None, *given)
+        value = whole(None)
+        for place, (number, absent) in enumerate(((start, 0), (stop, sys.maxsize), (None, 1))):
+            number = whole.elements[place](absent) if number is None else number
+            value = self.builder.insert_value(value, number, place)
+        return value
+
+    def _lower_getiter(self, resty, value, expr):
+        """Begin a loop over a range; None unless it counts up by one."""
+        if not isinstance(resty, types.RangeIteratorType):
+            return None
+        start, stop, step = (part_of(self.builder, value, [place]) for place in range(3))
+        if not (isinstance(step, llvm_ir.Constant) and step.constant == 1 and self._is_value(self._target)):
+            return None
+        place = cgutils.alloca_once(self.builder, start.type)
+        self.builder.store(start, place)
+        iterator = self.context.get_value_type(resty)(None)
+        iterator = self.builder.insert_value(iterator, place, 0)
+        natural = isinstance(start, llvm_ir.Constant) and start.constant >= 0
+        self.counted[iterator] = place, stop, natural
+        return iterator
+
+    def _is_value(self, name):
+        """Tell whether a variable is no place on the stack, nor any that it is copied to."""
+        return name in self._singly_assigned_vars and all(map(self._is_value, self._copies[name]))
+
+    def _lower_iternext(self, resty, iterator, expr):
+        """Take a number of a loop, and whether there was one left; None if it doesn't count up by one."""
+        if iterator not in self.counted:
+            return None
+        place, stop, natural = self.counted[iterator]
+        number = self.builder.load(place)
+        if natural:
+            self.natural.add(number)
+        signed = resty.first_type.signed
+        left = (self.builder.icmp_signed if signed else self.builder.icmp_unsigned)("<", number, stop)
+        self.builder.store(self.builder.add(number, number.type(1)), place)
+        pair = self.context.get_value_type(resty)(None)
+        return self.builder.insert_value(self.builder.insert_value(pair, number, 0), left, 1)
+
+    def _lower_pair_first(self, resty, pair, expr):
+        return part_of(self.builder, pair, [0])
+
+    def _lower_pair_second(self, resty, pair, expr):
+        return part_of(self.builder, pair, [1])
+
+    def _lower_getattr(self, resty, value, expr):
+        """A field of a group, size or shape of an array, or None."""
+        kind: Any = self.typeof(expr.value.name)
+        if isinstance(kind, GroupType):
+            key = self.builder.block, value, expr.attr
+            if key not in self.found:
+                self.found[key] = read_field(self.context, self.builder, kind, value, expr.attr)
+            return self.context.cast(self.builder, self.found[key], kind.types[expr.attr], resty)
+        if not isinstance(kind, types.Array) or expr.attr not in ("size", "shape"):
+            return None
+        array = ArrayValue(self, kind, value)
+        if expr.attr == "size":
+            return array.field("nitems")
+        shape = self.context.get_value_type(resty)(None)
+        for axis in range(kind.ndim):
+            shape = self.builder.insert_value(shape, array.field("shape", axis), axis)
+        return shape
+
     def _lower_arithmetic(self, resty, expr):
         """An operation on two numbers of one type, or None."""
         signature = self.fndesc.calltypes[expr]
@@ -133,7 +265,12 @@ class Lowering(lowering.Lower):
         return self.context.cast(self.builder, result, signature.return_type, resty)
 
     def _lower_read(self, resty, expr):
-        """An element or a view of an array, or None."""
+        """An element or a view of an array, or a part of a tuple that a constant names, or None."""
+        kind: Any = self.typeof(expr.value.name)
+        if expr.op == "static_getitem" and isinstance(kind, types.BaseTuple) and isinstance(expr.index, int):
+            value = part_of(self.builder, self.loadvar(expr.value.name), [expr.index % len(kind)])
+            parts: Any = kind
+            return self.context.cast(self.builder, value, parts.types[expr.index], resty)
         array, axes, chosen = self._chosen(expr.value, expr.index if expr.op == "getitem" else expr.index_var)
         if array is None:
             return None
@@ -167,8 +304,8 @@ class Lowering(lowering.Lower):
         if len(axes) > kind.ndim or not all(isinstance(axis, types.Integer) or is_stretch(axis) for axis in axes):
             return None, (), []
         value = self.loadvar(index.name)
-        values = [self.builder.extract_value(value, k) for k in range(len(axes))] if several else [value]
-        return ArrayValue(self.context, self.builder, kind, self.loadvar(array.name)), axes, values
+        values = [part_of(self.builder, value, [k]) for k in range(len(axes))] if several else [value]
+        return ArrayValue(self, kind, self.loadvar(array.name)), axes, values
 
 
 def _alignment(kind: types.Array) -> int | None:

@@ -9,11 +9,14 @@ from typing import Any
 
 from numba.core import bytecode, compiler, ssa, targetconfig, transforms, typed_passes, types, untyped_passes
 from numba.core.analysis import dead_branch_prune, rewrite_semantic_constants
+from numba.core.datamodel.manager import DataModelManager
+from numba.core.datamodel.registry import default_manager
 from numba.core.ir_utils import build_definitions
 from numba.core.registry import cpu_target
 from numba.core.rewrites.registry import rewrite_registry
 from numba.core.typing.templates import signature
 
+from cape.kernels.compiler.arrays import PassedArray
 from cape.kernels.compiler.kinds import FunctionType, IntrinsicType
 from cape.kernels.compiler.lowering import NativeLowering, comparison_of
 
@@ -21,7 +24,7 @@ _Target: Any = type(cpu_target.target_context)
 
 
 class Target(_Target):
-    """Numba's target, but it is not searched for new registrations at every step."""
+    """Numba's target, with arrays passed as `PassedArray`; it is not searched for new registrations at every step."""
 
     def refresh(self) -> None:
         """There is nothing new."""
@@ -32,7 +35,12 @@ _numbas: Any = cpu_target.target_context
 _context.refresh()
 _numbas.refresh()
 target: Any = Target.__new__(Target)
-target.__dict__ = _numbas.__dict__
+# What numba compiles for itself goes on passing arrays in its own way.
+target.__dict__ = {
+    **_numbas.__dict__,
+    "data_model_manager": DataModelManager({types.Array: PassedArray}).chain(default_manager),
+    "cached_internal_func": {},
+}
 
 
 class Typing:

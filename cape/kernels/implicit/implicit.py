@@ -188,7 +188,7 @@ def aim_again(g, team, substep, substeps, b):
 def solve_for_step(g, b, settled, team):
     """Solve the linear system of a Newton step, unless the stage may be `settled`, and note what is known of it."""
     settings = g.settings
-    forcing = settings.forcing * min(1.0, b / settings.usual) ** settings.forcing_power
+    forcing = settings.forcing * shortness(settings, b, settings.forcing_power)
     tolerance = tolerance_of(settings, b) if settings.closely else 0.0
     iterations, slope, first = solve_unless(g, b, forcing, tolerance, settled, team)
     g.counts[LINEAR] += iterations
@@ -198,7 +198,19 @@ def solve_for_step(g, b, settled, team):
 @inlined
 def tolerance_of(settings, b):
     """What may be left to correct in a stage [m]."""
-    return settings.tolerance * min(1.0, b / settings.usual) ** settings.power
+    return settings.tolerance * shortness(settings, b, settings.power)
+
+
+@routine
+def shortness(settings, b, power):
+    """A power of how much shorter b is than what is usual, by squaring: numba's own takes long to compile."""
+    share, result = min(1.0, b / settings.usual), 1.0
+    while power > 0:
+        if power & 1 == 1:
+            result *= share
+        power >>= 1
+        share *= share
+    return result
 
 
 @routine
