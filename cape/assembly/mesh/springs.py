@@ -124,7 +124,7 @@ def _fit(tensors: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArra
     q = np.zeros(tensors.shape[:2])
     fit_weights(tensors, target / size, SWEEPS, RIDGE, np.zeros((count, count)), np.zeros(count), q)
     alike = np.einsum("psk,prk->psr", tensors, tensors) > 1.0 - ALIKE
-    q = np.einsum("psr,pr->ps", alike, q) / alike.sum(axis=2)
+    q = np.einsum("psr,pr->ps", alike, q) / np.maximum(alike.sum(axis=2), 1)  # one of no length is like none
     missing = np.einsum("psk,ps->pk", tensors, q) - target / size
     return size * q, np.linalg.norm(missing, axis=1)
 
