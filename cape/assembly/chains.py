@@ -73,7 +73,7 @@ def geodesic_distances(cloth: Cloth, sources: IntArray) -> tuple[FloatArray, Int
 def chain_of(assembly: Assembly) -> Chain:
     """Find the longest chain of a cloth; of one that nothing holds, half its side."""
     springs, cloth = assembly.springs, assembly.cloth
-    held = np.flatnonzero(~assembly.free)
+    held = np.unique(np.concatenate([np.flatnonzero(~assembly.free), *(c.vertices for c in assembly.carried)]))
     spacing = float(np.median(springs.rest[springs.measured]))
     if len(held):
         distances, _ = geodesic_distances(cloth, held)

@@ -74,7 +74,8 @@ class Scene:
     @cached_property
     def bones(self) -> tuple[str, ...]:
         """Names of the bones, or roles, that the scene uses, each once."""
-        used = [a.bone for a in self.attachments] + [c.bone for c in self.colliders if c.bone is not None]
+        used = [bone for a in self.attachments for bone in a.bones]
+        used += [c.bone for c in self.colliders if c.bone is not None]
         if self.cloth.frame == "wearer":
             used += self.wearer
         return tuple(dict.fromkeys(used))
