@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cape.assembly import putting_on
 from cape.assembly.assemble import assemble
-from cape.assembly.chains import geodesic_distances
+from cape.assembly.geodesics import geodesic_distances
 from cape.kernels.solve.attachments import Attached
 from cape.scene.jumps import Cuts, rigid_motion
 from cape.scene.poses import Pose, read_pose

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.contact import Contacts, contacts_of, for_another_thread
+from cape.assembly.geodesics import geodesic_distances
 from cape.assembly.springs import Springs, springs_of
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.kernels.bones import MotionRoom
@@ -13,6 +14,7 @@ from cape.kernels.cloth.grid import MOST_COLUMNS, GridRoom, grid_room
 from cape.kernels.self_contact.self_contact import Layers
 from cape.kernels.solve.attachments import Attached, Blend
 from cape.kernels.solve.soft import Pull
+from cape.kernels.solve.tethers import Tethers
 from cape.kernels.state import Inertia
 from cape.scene.attachments import Attachment
 from cape.scene.scene import Scene
@@ -43,6 +45,7 @@ class Assembly:
         free: False for attached vertices, shape (N,).
         attached: what bones hold hard; its points change while the cloth is put on. None for nothing.
         pull: what they hold by springs, in the same way; None for nothing.
+        tethers: from what bones hold hard to all that hangs on it; None for none.
         wind: velocity of the air [m/s], shape (3,), in place: it changes while the cloth is put on.
         ranks: for each thread of a run.
     """
@@ -56,6 +59,7 @@ class Assembly:
     free: NDArray[np.bool_]
     attached: Attached | None
     pull: Pull | None
+    tethers: Tethers | None
     wind: FloatArray
     ranks: tuple[Rank, ...]
 
@@ -120,6 +124,7 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
     for attachment, _, indices in holds:
         free[indices] &= attachment.soft
     contacts = contacts_of(scene, cloth, free)
+    attached = _attached(scene, [hold for hold in holds if not hold[0].soft])
     return Assembly(
         scene=scene,
         cloth=cloth,
@@ -128,8 +133,9 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
         mass=mass,
         inverse_mass=np.where(free, 1.0 / mass, 0.0),
         free=free,
-        attached=_attached(scene, [hold for hold in holds if not hold[0].soft]),
+        attached=attached,
         pull=_pull(scene, [hold for hold in holds if hold[0].soft], mass),
+        tethers=_tethers(scene, cloth, attached),
         wind=np.array((0.0, 0.0, 0.0) if scene.wind is None else scene.wind.velocity, dtype=float),
         ranks=tuple(
             Rank(for_another_thread(contacts) if rank else contacts, MotionRoom.blank(len(scene.bones) + 1))
@@ -203,3 +209,11 @@ def _pull(scene: Scene, holds: list[Hold], mass: FloatArray) -> Pull | None:
         damping.append(critical if attachment.damping is None else attachment.of(attachment.damping, vertices))
     goals, speeds = (np.zeros((3, len(attached.vertices))) for _ in range(2))
     return Pull(attached, np.concatenate(stiffness), np.concatenate(damping), goals, speeds)
+
+
+def _tethers(scene: Scene, cloth: Cloth, attached: Attached | None) -> Tethers | None:
+    if scene.tethers is None or attached is None:
+        return None
+    distances, nearest = geodesic_distances(cloth, attached.vertices)
+    nearest[attached.vertices] = -1
+    return Tethers(nearest, (1.0 + scene.tethers.slack) * distances)

@@ -19,9 +19,9 @@ holds it. Where springs hold it softly the bone works on them instead: -(s + ds)
 are held at, with s as f and ds as d, less what their dampers dissipate.
 
 *Contact* by impulses, as a step notes it itself, takes a vertex from v' and x' to v1 and x1: it stops the vertex, rubs
-on it, and moves it out of a shape by p = x1 - x' - h (v1 - v') besides. Its work is m (v1 - v') . u - f . p, none on a
-vertex at rest, whatever presses it. Where an implicit step finds contact forces along with all others the whole of w
-is contact's.
+on it, and moves it out of a shape, or back to where its tether reaches, by p = x1 - x' - h (v1 - v') besides. Its work
+is m (v1 - v') . u - f . p, none on a vertex at rest, whatever presses it. Where an implicit step finds contact forces
+along with all others the whole of w is contact's.
 
 All that is left of the w of free vertices is *numerical*: what the method itself adds or loses. It vanishes with the
 step. With linear forces it is h/2 (f0 . v0 - f1 . v1) for symplectic Euler, where m (v1 - v0) = h f0 and
@@ -81,7 +81,7 @@ class Balance:
         elastic: energy of stretched and bent springs, and of those that hold the cloth softly.
         potential: energy of height, 0 at the origin of the world.
         attachments: work done on the cloth by the bones that hold it, also by springs.
-        contacts: work done on it by colliders, and by its own layers on each other.
+        contacts: work done on it by colliders, by its own layers on each other, and by tethers.
         air: work done on it by the air: drag, lift and viscosity, of either sign.
         damping: what the springs' damping has dissipated, also of those that hold the cloth softly.
         numerical: what the method of integration has added; below zero what it has dissipated.

@@ -4,10 +4,11 @@ A frame begins with the bones (`begin_frame`). In each substep the solver's unit
 
 1. the journal notes where that has led;
 2. touching layers of cloth press on each other;
-3. colliders keep triangles out, then vertices;
-4. bones put the vertices that they hold hard where they belong;
-5. layers of the cloth are kept apart;
-6. the journal notes where that has led.
+3. tethers draw in what is too far from where bones hold the cloth;
+4. colliders keep triangles out, then vertices;
+5. bones put the vertices that they hold hard where they belong;
+6. layers of the cloth are kept apart;
+7. the journal notes where that has led.
 
 What a scene lacks is not in the list.
 """
@@ -47,6 +48,7 @@ from cape.kernels.solve.journal import (
     note_pressed,
 )
 from cape.kernels.solve.soft import Aiming, aim_pull
+from cape.kernels.solve.tethers import Tethered, keep_tethered
 from cape.solvers.running import Thread
 
 
@@ -133,6 +135,11 @@ def end_substep(
             uses.append(Use(note_pressed, NotingForces(thread.journal, force, contacts.pressure)))
     if contacts.pressure is not None and pressing:
         uses.append(Use(press, Pressed(running.state, contacts.pressure)))
+    if assembly.tethers is not None and assembly.attached is not None:
+        anchors = np.zeros((assembly.attached.vertices.size, 6))
+        uses.append(
+            Use(keep_tethered, Tethered(running.state, assembly.attached, assembly.tethers, thread.bones, anchors))
+        )
     uses += _keep_out(thread, earlier, share)
     if assembly.attached is not None and holding:
         uses.append(Use(hold_attached, Held(running.state, assembly.attached, thread.bones)))

@@ -46,6 +46,7 @@ def run(more):
     holds = [cape.attach(cloth, bones, "top_left", stiffness=stiffness), cape.attach(cloth, "rod", "top_right")]
     scene = cape.Scene(
         cloth, holds, colliders,
+        tethers=cape.Tethers() if more == "tethers" else None,
         wind=cape.Wind() if more == "wind" else None,
         self_contact=cape.SelfContact() if more == "self-contact" else None,
     )
@@ -93,6 +94,7 @@ OWN = {
     "ellipsoid": {"nearest", "gaps of ellipsoid"},  # in so thick a skin that no triangle can touch it
     "self-contact": {"press", "keep_apart", "search_pairs"},
     "blend": {"lift_attached", "hold_attached"},  # the same for several bones a vertex
+    "tethers": {"keep_tethered"},
     "soft": {"aim_pull", "pull_vertices"},
     "thread": {"wait_for_all"},
     "xpbd": {"fall_all", "drift_all", "prepare_grid", "solve_grid", "aim_attached"},
