@@ -18,6 +18,7 @@ from cape.scene.jumps import Cuts
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 from cape.scene.self_contact import SelfContact
+from cape.scene.tethers import Tethers
 from cape.scene.wind import Wind
 from cape.solvers import SOLVERS, TRBDF2, XPBD, BackwardEuler, Solver, SymplecticEuler, solver
 from motions.errors import UserError
@@ -60,6 +61,7 @@ __all__ = [
     "SymplecticEuler",
     "Take",
     "TaperedCapsule",
+    "Tethers",
     "UserError",
     "Wind",
     "attach",

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from cape.assembly import putting_on
 from cape.assembly.assemble import assemble
-from cape.assembly.chains import geodesic_distances
+from cape.assembly.geodesics import geodesic_distances
+from cape.kernels.solve.attachments import Attached
 from cape.scene.jumps import Cuts, rigid_motion
 from cape.scene.poses import Pose, read_pose
 from cape.scene.scene import Scene
@@ -134,15 +135,21 @@ class _Held:
         first = putting_on.dressing_pose(scene, poses[0])
         start = putting_on.placed(scene, first)
         held = [putting_on.held_by(scene, attachment, first, start) for attachment in scene.attachments]
-        vertices = np.concatenate([*held, np.empty(0, np.int64)])
+        hard = [
+            (attachment, own) for attachment, own in zip(scene.attachments, held, strict=True) if not attachment.soft
+        ]
+        vertices = np.concatenate([*(own for _, own in hard), np.empty(0, np.int64)])
         distances, nearest = geodesic_distances(scene.cloth, vertices)
         if (nearest < 0).any():
             return None
-        assembly = assemble(scene, held)
-        if assembly.attached is None:
+        attached = assemble(scene, held).attached
+        if attached is None:
             return None
-        worn, spread = putting_on.hold_points(assembly, first, held, start)
-        bones = assembly.attached.bones
+        worn, spread = putting_on.hold_points(scene, attached, hard, first, start)
+        bones, off = putting_on.heaviest(attached), np.zeros(len(vertices))
+        if attached.blend is not None:
+            leads, off = attached.blend.starts[:-1], _off_heaviest(attached, worn, [first, *poses])
+            worn, spread = worn[leads], spread[leads]
         shares = np.linspace(0.0, 1.0, PUT_ON_SAMPLES)[:-1]
         poses = [first.towards(poses[0], float(share)) for share in shares] + poses
         positions = np.stack([pose.positions for pose in poses])
@@ -154,6 +161,7 @@ class _Held:
             farthest = np.maximum(farthest, np.linalg.norm(places - held_at[nearest], axis=1))
         radii = np.zeros(len(vertices))
         np.maximum.at(radii, nearest, farthest)
+        radii += off
         chosen, place, off = _lumped(bones, np.concatenate([spread, worn], axis=1))
         spreads, lumped_radii = np.zeros(len(chosen)), np.zeros(len(chosen))
         np.maximum.at(spreads, place, off)
@@ -200,6 +208,20 @@ class _Held:
         bend[:, self.bones == own] = 0.0
         ways = np.linalg.norm(np.diff(places, axis=0), axis=2)
         return distances, (distances[1:] + distances[:-1] - ways) / 2.0 - bend / 8.0
+
+
+def _off_heaviest(attached: Attached, points: FloatArray, poses: list[Pose]) -> FloatArray:
+    """How far n vertices that several bones hold are at most from where the heaviest of them would [m], shape (n,).
+
+    `points` are in the bones' frames [m], shape (m, 3).
+    """
+    held = attached._replace(points=points)
+    lead, off = putting_on.heaviest(attached), np.zeros(len(attached.vertices))
+    alone = points[attached.blend.starts[:-1]] if attached.blend is not None else points
+    for pose in poses:
+        by_one = pose.positions[lead] + quaternions.rotate(pose.rotations_wxyz[lead], alone)
+        off = np.maximum(off, np.linalg.norm(putting_on.carried_points(held, pose) - by_one, axis=1))
+    return off
 
 
 def _lumped(bones: IntArray, points: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:

@@ -58,8 +58,7 @@ def _held_points(scene: Scene, pose: Pose, start: FloatArray) -> list[tuple[str,
         vertices = putting_on.held_by(scene, attachment, pose, start)
         points = worn[vertices]
         if attachment.points is not None:
-            bone = scene.bones.index(attachment.bone)
-            points = pose.positions[bone] + quaternions.rotate(pose.rotations_wxyz[bone], attachment.points)
+            points = putting_on.from_bone(scene, attachment, pose)
         held.append((attachment.bone, vertices, points))
     return held
 

@@ -6,13 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.contact import Contacts, contacts_of, for_another_thread
+from cape.assembly.geodesics import geodesic_distances
 from cape.assembly.springs import Springs, springs_of
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.kernels.bones import MotionRoom
 from cape.kernels.cloth.grid import MOST_COLUMNS, GridRoom, grid_room
 from cape.kernels.self_contact.self_contact import Layers
-from cape.kernels.solve.attachments import Attached
+from cape.kernels.solve.attachments import Attached, Blend
+from cape.kernels.solve.soft import Pull
+from cape.kernels.solve.tethers import Tethers
 from cape.kernels.state import Inertia
+from cape.scene.attachments import Attachment
 from cape.scene.scene import Scene
 from motions.errors import ValueRangeError
 
@@ -39,7 +43,9 @@ class Assembly:
         mass: of the vertices [kg], shape (N,).
         inverse_mass: [1/kg], shape (N,), zero for attached vertices.
         free: False for attached vertices, shape (N,).
-        attached: what bones hold; its points change while the cloth is put on. None when nothing is attached.
+        attached: what bones hold hard; its points change while the cloth is put on. None for nothing.
+        pull: what they hold by springs, in the same way; None for nothing.
+        tethers: from what bones hold hard to all that hangs on it; None for none.
         wind: velocity of the air [m/s], shape (3,), in place: it changes while the cloth is put on.
         ranks: for each thread of a run.
     """
@@ -52,6 +58,8 @@ class Assembly:
     inverse_mass: FloatArray
     free: NDArray[np.bool_]
     attached: Attached | None
+    pull: Pull | None
+    tethers: Tethers | None
     wind: FloatArray
     ranks: tuple[Rank, ...]
 
@@ -59,6 +67,21 @@ class Assembly:
     def contacts(self) -> Contacts:
         """What the cloth can't enter, as the first thread notes it."""
         return self.ranks[0].contacts
+
+    @property
+    def carried(self) -> tuple[Attached, ...]:
+        """All that bones carry along: what they hold hard, what springs hold."""
+        pulled = None if self.pull is None else self.pull.attached
+        return tuple(attached for attached in (self.attached, pulled) if attached is not None)
+
+    def carried_with(
+        self, held: list[NDArray[np.int64]]
+    ) -> list[tuple[Attached, list[tuple[Attachment, NDArray[np.int64]]]]]:
+        """The same, each with its attachments and the vertices of the scene that these hold, given those of all."""
+        pairs = list(zip(self.scene.attachments, held, strict=True))
+        hard, soft = ([pair for pair in pairs if pair[0].soft == kind] for kind in (False, True))
+        pulled = None if self.pull is None else self.pull.attached
+        return [(attached, own) for attached, own in ((self.attached, hard), (pulled, soft)) if attached is not None]
 
     @property
     def layers(self) -> Layers | None:
@@ -92,12 +115,16 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
         order = locality_order(cloth.faces, cloth.positions)
         cloth = reordered(cloth, order)
         rank = np.argsort(order)
-        vertices = [rank[indices] for indices in vertices]
+        places = [rank[indices] for indices in vertices]
+    else:
+        places = vertices
+    holds = list(zip(scene.attachments, vertices, places, strict=True))
     mass = cloth.masses()
     free = np.ones(cloth.vertices, dtype=bool)
-    for indices in vertices:
-        free[indices] = False
+    for attachment, _, indices in holds:
+        free[indices] &= attachment.soft
     contacts = contacts_of(scene, cloth, free)
+    attached = _attached(scene, [hold for hold in holds if not hold[0].soft])
     return Assembly(
         scene=scene,
         cloth=cloth,
@@ -106,7 +133,9 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
         mass=mass,
         inverse_mass=np.where(free, 1.0 / mass, 0.0),
         free=free,
-        attached=_attached(scene, vertices),
+        attached=attached,
+        pull=_pull(scene, [hold for hold in holds if hold[0].soft], mass),
+        tethers=_tethers(scene, cloth, attached),
         wind=np.array((0.0, 0.0, 0.0) if scene.wind is None else scene.wind.velocity, dtype=float),
         ranks=tuple(
             Rank(for_another_thread(contacts) if rank else contacts, MotionRoom.blank(len(scene.bones) + 1))
@@ -139,10 +168,52 @@ def force_scratch(assembly: Assembly, dtype: type[np.floating]) -> tuple[GridRoo
     return tuple(grid_room(dtype) for _ in assembly.ranks)
 
 
-def _attached(scene: Scene, vertices: list[NDArray[np.int64]]) -> Attached | None:
-    if not any(len(indices) for indices in vertices):
+Hold = tuple[Attachment, NDArray[np.int64], NDArray[np.int64]]
+"""An attachment, the vertices of the scene that it holds, and the same as the assembly numbers them, (n,) each."""
+
+
+def _attached(scene: Scene, holds: list[Hold]) -> Attached | None:
+    indices = np.concatenate([np.empty(0, np.int64), *(place for _, _, place in holds)])
+    if not len(indices):
         return None
-    bones = [np.full(len(v), scene.bones.index(a.bone)) for a, v in zip(scene.attachments, vertices, strict=True)]
-    indices = np.concatenate(vertices)
-    points, lift, drift = (np.zeros((len(indices), 3)) for _ in range(3))
-    return Attached(indices, np.concatenate(bones), points, lift, drift)
+    lift, drift = (np.zeros((len(indices), 3)) for _ in range(2))
+    if all(attachment.weights is None for attachment, _, _ in holds):
+        bones = np.concatenate([np.full(len(place), scene.bones.index(a.bone)) for a, _, place in holds])
+        return Attached(indices, bones, np.zeros((len(indices), 3)), lift, drift)
+    weights = np.zeros((len(indices), len(scene.bones)))
+    first = 0
+    for attachment, vertices, _ in holds:
+        own = np.ones((len(vertices), 1))
+        if attachment.weights is not None:
+            own = attachment.of(attachment.weights, vertices)
+        rows = slice(first, first + len(vertices))
+        weights[rows, [scene.bones.index(bone) for bone in attachment.bones]] = own
+        first += len(vertices)
+    heavy = np.argsort(-weights, axis=1, kind="stable")
+    weights = np.take_along_axis(weights, heavy, axis=1)
+    starts = np.concatenate([[0], np.cumsum((weights > 0.0).sum(axis=1))])
+    bones = heavy[weights > 0.0]
+    return Attached(indices, bones, np.zeros((len(bones), 3)), lift, drift, Blend(starts, weights[weights > 0.0]))
+
+
+def _pull(scene: Scene, holds: list[Hold], mass: FloatArray) -> Pull | None:
+    attached = _attached(scene, holds)
+    if attached is None:
+        return None
+    stiffness, damping = [], []
+    for attachment, vertices, place in holds:
+        assert attachment.stiffness is not None
+        own = attachment.of(attachment.stiffness, vertices)
+        critical = 2.0 * np.sqrt(own * mass[place])
+        stiffness.append(own)
+        damping.append(critical if attachment.damping is None else attachment.of(attachment.damping, vertices))
+    goals, speeds = (np.zeros((3, len(attached.vertices))) for _ in range(2))
+    return Pull(attached, np.concatenate(stiffness), np.concatenate(damping), goals, speeds)
+
+
+def _tethers(scene: Scene, cloth: Cloth, attached: Attached | None) -> Tethers | None:
+    if scene.tethers is None or attached is None:
+        return None
+    distances, nearest = geodesic_distances(cloth, attached.vertices)
+    nearest[attached.vertices] = -1
+    return Tethers(nearest, (1.0 + scene.tethers.slack) * distances)

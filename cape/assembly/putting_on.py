@@ -5,7 +5,6 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.assemble import Assembly
 from cape.kernels.solve.attachments import Attached
 from cape.scene.attachments import Attachment
 from cape.scene.poses import Pose
@@ -103,36 +102,66 @@ def places_lifted(scene: Scene, pose: Pose, positions: FloatArray) -> FloatArray
 
 
 def hold_points(
-    assembly: Assembly, pose: Pose, held: list[IntArray], positions: FloatArray
+    scene: Scene,
+    attached: Attached,
+    held: list[tuple[Attachment, IntArray]],
+    pose: Pose,
+    positions: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Points at which bones hold the vertices, in the bones' frames [m]: where they are worn, where they start.
+    """Points at which bones hold vertices, in the bones' frames [m], (m, 3): where they are worn, where they start.
 
-    `held` are the vertices of each attachment, `positions` where the cloth is placed in the world [m], shape (V, 3).
+    `held` are the attachments with their vertices, `positions` where the cloth is placed in the world [m], shape
+    (V, 3).
     """
-    scene, attached = assembly.scene, assembly.attached
-    if attached is None:
-        return np.zeros((0, 3)), np.zeros((0, 3))
-    chosen = np.concatenate(held)
-    worn = places_lifted(scene, pose, positions)
-    worn, spread = in_bones(attached, pose, worn[chosen]), in_bones(attached, pose, positions[chosen])
+    chosen = np.concatenate([vertices for _, vertices in held])
+    worn, spread = places_lifted(scene, pose, positions)[chosen], positions[chosen]
     first = 0
-    for attachment, vertices in zip(scene.attachments, held, strict=True):
+    for attachment, vertices in held:
         if attachment.points is not None:
-            worn[first : first + len(vertices)] = attachment.points
+            worn[first : first + len(vertices)] = from_bone(scene, attachment, pose)
         first += len(vertices)
+    worn, spread = in_bones(attached, pose, worn), in_bones(attached, pose, spread)
     return worn, worn if scene.cloth.frame == "world" else spread
 
 
+def from_bone(scene: Scene, attachment: Attachment, pose: Pose) -> FloatArray:
+    """Where an attachment's points, which must be given, are in the world [m], shape (n, 3)."""
+    assert attachment.points is not None
+    bone = scene.bones.index(attachment.bone)
+    return pose.positions[bone] + quaternions.rotate(pose.rotations_wxyz[bone], attachment.points)
+
+
 def in_bones(attached: Attached, pose: Pose, points: FloatArray) -> FloatArray:
-    """Points of the world [m], shape (n, 3), in the frames of the bones that hold n vertices."""
+    """Points of the world [m], shape (n, 3), in the frames of the bones that hold n vertices, each of (m, 3)."""
+    if attached.blend is not None:
+        points = np.repeat(points, np.diff(attached.blend.starts), axis=0)
     turn = quaternions.conjugate(pose.rotations_wxyz[attached.bones])
     return quaternions.rotate(turn, points - pose.positions[attached.bones])
 
 
+def heaviest(attached: Attached) -> IntArray:
+    """The bone that has the most weight in holding each vertex, shape (n,)."""
+    return attached.bones if attached.blend is None else attached.bones[attached.blend.starts[:-1]]
+
+
+def carried_points(attached: Attached, pose: Pose) -> FloatArray:
+    """Where bones carry n vertices in the world [m], shape (n, 3), were they held off by nothing."""
+    places = pose.positions[attached.bones] + quaternions.rotate(pose.rotations_wxyz[attached.bones], attached.points)
+    if attached.blend is None:
+        return places
+    return np.add.reduceat(attached.blend.weights[:, None] * places, attached.blend.starts[:-1], axis=0)
+
+
 def held_points(attached: Attached, pose: Pose) -> FloatArray:
     """Where bones hold n vertices in the world [m], shape (n, 3)."""
-    points = attached.points + attached.lift
-    return pose.positions[attached.bones] + quaternions.rotate(pose.rotations_wxyz[attached.bones], points)
+    lift = quaternions.rotate(pose.rotations_wxyz[heaviest(attached)], attached.lift)
+    return carried_points(attached, pose) + lift
+
+
+def lift_to(attached: Attached, pose: Pose, places: FloatArray) -> None:
+    """Have n vertices held off to places in the world [m], shape (n, 3)."""
+    away = places - carried_points(attached, pose)
+    attached.lift[:] = quaternions.rotate(quaternions.conjugate(pose.rotations_wxyz[heaviest(attached)]), away)
 
 
 def _wearer(scene: Scene, pose: Pose) -> tuple[FloatArray, FloatArray]:

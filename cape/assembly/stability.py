@@ -4,6 +4,7 @@ import hashlib
 import math
 from collections import OrderedDict
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,16 @@ REMEMBERED = 64  # largest steps, of the cloths that came last
 _known: OrderedDict[bytes, float] = OrderedDict()
 
 
-def largest_frequency(springs: Springs, inverse_mass: FloatArray, positions: FloatArray | None) -> float:
+class Ground(NamedTuple):
+    """What holds vertices softly where they are: stiffness [N/m] and damping [N s/m] of each, shape (N,)."""
+
+    stiffness: FloatArray
+    damping: FloatArray
+
+
+def largest_frequency(
+    springs: Springs, inverse_mass: FloatArray, positions: FloatArray | None, ground: Ground | None = None
+) -> float:
     """Estimate the largest angular frequency of a cloth [rad/s], by Lanczos' method.
 
     `inverse_mass` [1/kg] has shape (N,), zero for attached vertices; `positions` [m], shape (N, 3), give the springs'
@@ -50,6 +60,8 @@ def largest_frequency(springs: Springs, inverse_mass: FloatArray, positions: Flo
             pushed += stiffened(FAR_STRETCH) * membrane.bounding_forces(moved)
         elif membrane is not None and gradients is not None:
             pushed += membrane.forces_between(moved, gradients)
+        if ground is not None:
+            pushed += ground.stiffness[:, None] * moved
         return root * pushed
 
     return math.sqrt(max(_largest_eigenvalue(product, start), 0.0))
@@ -127,10 +139,16 @@ def stable_step(frequency: float, damping_rate: float) -> float:
     return (math.hypot(damping_rate, 2.0 * frequency) - damping_rate) / frequency**2
 
 
-def largest_step(springs: Springs, fabric: Fabric, inverse_mass: FloatArray, positions: FloatArray | None) -> float:
+def largest_step(
+    springs: Springs,
+    fabric: Fabric,
+    inverse_mass: FloatArray,
+    positions: FloatArray | None,
+    ground: Ground | None = None,
+) -> float:
     """Largest stable step of symplectic Euler [s], for a cloth at rest or, without positions, strained at will.
 
-    Arrays are as in `largest_frequency`.
+    Arrays are as in `largest_frequency`; `ground` is None where no vertex is held softly.
 
     It is remembered for as long as stiffness, damping and mass stay as they are.
     """
@@ -139,14 +157,18 @@ def largest_step(springs: Springs, fabric: Fabric, inverse_mass: FloatArray, pos
     arrays = [springs.first, springs.second, springs.stiffness, springs.bend_stiffness, inverse_mass, places]
     if springs.membrane is not None:
         arrays += [springs.membrane.area, springs.membrane.stiffness, springs.membrane.slopes]
+    if ground is not None:
+        arrays += ground
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
     key = digest.digest()
     step = _known.get(key)
     if step is None:
-        frequency = largest_frequency(springs, inverse_mass, positions)
+        frequency = largest_frequency(springs, inverse_mass, positions, ground)
         bend_squared = _largest_bend_row(springs, inverse_mass)
         rate = fabric.damping_time * frequency**2 + fabric.bend_damping_time * bend_squared
+        if ground is not None:
+            rate += float((ground.damping * inverse_mass).max())
         step = _known[key] = stable_step(frequency, rate)
         if len(_known) > REMEMBERED:
             _known.popitem(last=False)

@@ -17,7 +17,7 @@ class Air(Force):
     """The force of a stream on plates; see `cape.Wind`."""
 
     name: ClassVar[str] = "air"
-    account: ClassVar[Literal["elastic", "air"]] = "air"
+    account: ClassVar[Literal["elastic", "air", "hold"]] = "air"
 
     @staticmethod
     def acts(scene: Scene) -> bool:

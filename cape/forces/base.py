@@ -35,13 +35,13 @@ class Force(ABC):
 
     Attributes:
         name: what to call it.
-        account: the entry of the ledger that its work belongs to; what an elastic force does more at a velocity than
-            at rest is damping.
+        account: the entry of the ledger that its work belongs to; what an elastic force, or one that holds the cloth,
+            does more at a velocity than at rest is damping.
         sets: whether its units set the forces rather than add to them; such a one comes first, and alone.
     """
 
     name: ClassVar[str]
-    account: ClassVar[Literal["elastic", "air"]]
+    account: ClassVar[Literal["elastic", "air", "hold"]]
     sets: ClassVar[bool] = False
 
     @staticmethod

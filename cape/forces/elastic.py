@@ -20,7 +20,7 @@ class Elastic(Force):
     """Springs between vertices, and bend springs; Kelvin and Voigt's damping in both."""
 
     name: ClassVar[str] = "elastic"
-    account: ClassVar[Literal["elastic", "air"]] = "elastic"
+    account: ClassVar[Literal["elastic", "air", "hold"]] = "elastic"
     sets: ClassVar[bool] = True
 
     @staticmethod

@@ -3,6 +3,7 @@
 from cape.forces.air import Air
 from cape.forces.base import Force
 from cape.forces.elastic import Elastic
+from cape.forces.hold import Hold
 from cape.forces.viscous_air import ViscousAir
 from cape.scene.scene import Scene
 
@@ -10,6 +11,7 @@ FORCES: tuple[type[Force], ...] = (
     Elastic,
     Air,
     ViscousAir,
+    Hold,
 )
 
 

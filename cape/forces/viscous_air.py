@@ -15,7 +15,7 @@ class ViscousAir(Force):
     """A force per area and speed against the air; see `cape.Wind`."""
 
     name: ClassVar[str] = "viscous air"
-    account: ClassVar[Literal["elastic", "air"]] = "air"
+    account: ClassVar[Literal["elastic", "air", "hold"]] = "air"
 
     @staticmethod
     def acts(scene: Scene) -> bool:

@@ -5,6 +5,7 @@ exactly m (v1 - v0) . u. Forces of three kinds are known:
 
     f  springs and gravity, which have an energy:   work  f . (x1 - x0),  f = (f0 + 4 fm + f1) / 6
     d  damping of the springs:                      work  h d . u,        d = (d0 + d1) / 2
+    s  springs by which bones hold the cloth:       part of f, and what their dampers do of d
     a  air, which may move and give energy:         work  h a . u,        a = (a0 + a1) / 2
 
 of which fm is that with all vertices half on their way (Simpson's rule).
@@ -14,12 +15,13 @@ What is left of a vertex's kinetic energy was done by something else:
     w = m (v1 - v0) . u - f . (x1 - x0) - h (d + a) . u
 
 Where a bone holds the vertex that is the work of its *attachment*, m (v1 - v0) / h - f - d - a being the force that
-holds it.
+holds it. Where springs hold it softly the bone works on them instead: -(s + ds) . (g1 - g0) along the way of what they
+are held at, with s as f and ds as d, less what their dampers dissipate.
 
 *Contact* by impulses, as a step notes it itself, takes a vertex from v' and x' to v1 and x1: it stops the vertex, rubs
-on it, and moves it out of a shape by p = x1 - x' - h (v1 - v') besides. Its work is m (v1 - v') . u - f . p, none on a
-vertex at rest, whatever presses it. Where an implicit step finds contact forces along with all others the whole of w
-is contact's.
+on it, and moves it out of a shape, or back to where its tether reaches, by p = x1 - x' - h (v1 - v') besides. Its work
+is m (v1 - v') . u - f . p, none on a vertex at rest, whatever presses it. Where an implicit step finds contact forces
+along with all others the whole of w is contact's.
 
 All that is left of the w of free vertices is *numerical*: what the method itself adds or loses. It vanishes with the
 step. With linear forces it is h/2 (f0 . v0 - f1 . v1) for symplectic Euler, where m (v1 - v0) = h f0 and
@@ -32,7 +34,8 @@ to it; that, too, vanishes with the step.
 In XPBD springs are stretched by more than the impulses account for that its sweeps have found, so that f is too large
 on what is held. But impulses between vertices add up to nothing: what springs gave to all that is held is minus what
 they gave to the free, P = h sum (m g + a) - sum m (v' - v0). The difference to h sum (f - m g + d) over what is held is
-taken to be spread evenly there, and its work is numerical. That is exact where all that is held moves alike.
+taken to be spread evenly there, and its work is numerical. That is exact where all that is held moves alike. Springs
+that hold the cloth add to P what they give.
 
 Summed over all vertices, and with minus the damping's work as what is dissipated,
 
@@ -75,12 +78,12 @@ class Balance:
     Attributes:
         times: since the start [s].
         kinetic: energy of motion.
-        elastic: energy of stretched and bent springs.
+        elastic: energy of stretched and bent springs, and of those that hold the cloth softly.
         potential: energy of height, 0 at the origin of the world.
-        attachments: work done on the cloth by the bones that hold it.
-        contacts: work done on it by colliders, and by its own layers on each other.
+        attachments: work done on the cloth by the bones that hold it, also by springs.
+        contacts: work done on it by colliders, by its own layers on each other, and by tethers.
         air: work done on it by the air: drag, lift and viscosity, of either sign.
-        damping: what the springs' damping has dissipated.
+        damping: what the springs' damping has dissipated, also of those that hold the cloth softly.
         numerical: what the method of integration has added; below zero what it has dissipated.
         moved: what was changed between frames: by jumps of the bones, or `Simulation.disturb`.
     """
@@ -173,8 +176,12 @@ class Ledger:
             duration: of the frame [s].
         """
         sums = self._sums[-1].copy()
+        if journal.goals is not None:
+            _aim(assembly, journal.goals[0])
         sums[MOVED] += energy_of(assembly, before, origin).total - self._energies[-1].total
         sums += self._work_of(assembly, np.stack(before).astype(float), journal, duration / len(journal.ended))
+        if journal.goals is not None:
+            _aim(assembly, journal.goals[-1])
         self._times.append(self._times[-1] + duration)
         self._sums.append(sums)
         self._energies.append(energy_of(assembly, State(*journal.ended[-1]), origin))
@@ -187,7 +194,8 @@ class Ledger:
         for first in range(0, len(journal.ended), count):
             some = slice(first, first + count)
             integrated, ended = (states[some].astype(float) for states in (journal.integrated, journal.ended))
-            sums += self._work_of_steps(assembly, begin, integrated, ended, journal.pressed[some], h)
+            goals = None if journal.goals is None else journal.goals[first : first + len(ended) + 1]
+            sums += self._work_of_steps(assembly, begin, integrated, ended, journal.pressed[some], goals, h)
             begin = ended[-1]
         return sums
 
@@ -198,16 +206,21 @@ class Ledger:
         integrated: FloatArray,
         ended: FloatArray,
         pressed: NDArray[np.bool_],
+        goals: FloatArray | None,
         h: float,
     ) -> FloatArray:
-        """The same for some of the steps, as a journal has them, of which the first starts at the state `begin`."""
+        """The same for S of the steps, as a journal has them, of which the first starts at the state `begin`.
+
+        `goals` (S + 1, 6, n) are those of springs that hold the cloth, None without any.
+        """
         assert self._forces is not None
         mass, held = assembly.mass, ~assembly.free
         states = np.concatenate([begin[None], ended])
         begun = states[:-1]
-        forces = self._forces.at(states)
+        forces = self._forces.at(states, goals)
         damping, air = 0.5 * (forces[1:, :-1] + forces[1:, 1:])
-        between = self._forces.conservative(0.5 * (begun + ended))
+        halfway = None if goals is None else 0.5 * (goals[:-1] + goals[1:])
+        between = self._forces.conservative(0.5 * (begun + ended), halfway)
         conservative = (forces[0, :-1] + 4.0 * between + forces[0, 1:]) / 6.0
         moved, gained = ended[:, :3] - begun[:, :3], ended[:, 3:] - begun[:, 3:]
         mean = 0.5 * (begun[:, 3:] + ended[:, 3:])
@@ -217,17 +230,21 @@ class Ledger:
         pushed = ended[:, :3] - integrated[:, :3] - h * kicked
         touched = mass * _dots(kicked, mean) - _dots(conservative, pushed)
         touched = np.where(held, 0.0, np.where(pressed, left, touched)).sum()
+        # A bone gives what it does on goals, of which dampers keep what they don't pass on to the cloth.
+        springs, dampers, way = _soft_hold(assembly, goals, 0.5 * (begun + ended))
+        given_to_springs, dissipated = np.sum((springs + dampers) * way), np.sum(dampers * way) - damped.sum()
         attachments = left[:, held].sum()
         if self._sweeps and held.any():
             weight = self._forces.weight
             given = integrated[:, 3:] - begun[:, 3:]
             impulse = (h * (weight + air) - mass * given)[:, :, ~held].sum(axis=2)
+            impulse += h * (springs + dampers).sum(axis=2)
             stretched = h * (conservative - weight + damping)[:, :, held].sum(axis=2)
             attachments -= ((impulse - stretched) * moved[:, :, held].mean(axis=2)).sum() / h
         sums = np.zeros(6)
-        sums[ATTACHMENTS], sums[CONTACTS] = attachments, touched
+        sums[ATTACHMENTS], sums[CONTACTS] = attachments + given_to_springs, touched
         sums[NUMERICAL] = left.sum() - attachments - touched
-        sums[AIR], sums[DAMPING] = blown.sum(), -damped.sum()
+        sums[AIR], sums[DAMPING] = blown.sum(), dissipated
         return sums
 
 
@@ -247,7 +264,7 @@ class _Forces:
         self._state = State(*self._room)
         self._forces = np.zeros((3, count))
         self._linker = Linker()
-        self._programs = {account: self._program(account) for account in ("elastic", "air")}
+        self._programs = {account: self._program(account) for account in ("elastic", "hold", "air")}
 
     @property
     def requests(self) -> list[Request]:
@@ -263,26 +280,61 @@ class _Forces:
                 uses += force.uses(acting, force.arrays(self.assembly, np.float64))
         return self._linker.frame([], uses, Team.alone(len(self._state.x))) if uses else None
 
-    def at(self, states: FloatArray) -> FloatArray:
-        """Springs and weight, damping, and air [N] at states (S, 6, N); shape (3, S, 3, N)."""
-        conservative = self.conservative(states)
-        damping = self._compute("elastic", states) - (conservative - self.weight)
+    def at(self, states: FloatArray, goals: FloatArray | None) -> FloatArray:
+        """Springs and weight, damping, and air [N] at states (S, 6, N); shape (3, S, 3, N).
+
+        `goals` (S, 6, n) are those of springs that hold the cloth, None without any.
+        """
+        conservative = self.conservative(states, goals)
+        springs = self._compute("elastic", states) + self._compute("hold", states, goals)
+        damping = springs - (conservative - self.weight)
         return np.stack([conservative, damping, self._compute("air", states)])
 
-    def conservative(self, states: FloatArray) -> FloatArray:
+    def conservative(self, states: FloatArray, goals: FloatArray | None) -> FloatArray:
         """Springs and weight [N] at states (S, 6, N), whatever their velocities; shape (S, 3, N)."""
-        still = np.concatenate([states[:, :3], np.zeros_like(states[:, 3:])], axis=1)
-        return self._compute("elastic", still) + self.weight
+        still = _at_rest(states)
+        held = self._compute("hold", still, None if goals is None else _at_rest(goals))
+        return self._compute("elastic", still) + held + self.weight
 
-    def _compute(self, account: str, states: FloatArray) -> FloatArray:
+    def _compute(self, account: str, states: FloatArray, goals: FloatArray | None = None) -> FloatArray:
         """Forces of an account at states (S, 6, N); shape (S, 3, N)."""
         found = np.zeros((len(states), 3, states.shape[2]))
         program = self._programs[account]
         if program is not None:
             self._linker.link()
-            for state, forces in zip(states, found, strict=True):
+            for step, (state, forces) in enumerate(zip(states, found, strict=True)):
+                if goals is not None:
+                    _aim(self.assembly, goals[step])
                 self._forces[:] = 0.0
                 self._room[:] = state
                 program.run(1, 1.0)
                 forces[:] = self._forces
         return found
+
+
+def _soft_hold(
+    assembly: Assembly, goals: FloatArray | None, between: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What springs that hold a cloth do in S steps in the middle of which it is at states (S, 6, N).
+
+    Forces of the springs on the cloth [N], those of their dampers [N], and the way of what they are held at [m], each
+    of shape (S, 3, n), from `goals` (S + 1, 6, n); n is 0 without any.
+    """
+    pull = assembly.pull
+    if goals is None or pull is None:
+        nothing = np.zeros((len(between), 3, 0))
+        return nothing, nothing, nothing
+    off = 0.5 * (goals[:-1] + goals[1:]) - between[:, :, pull.attached.vertices]
+    return pull.stiffness * off[:, :3], pull.damping * off[:, 3:], goals[1:, :3] - goals[:-1, :3]
+
+
+def _at_rest(states: FloatArray) -> FloatArray:
+    """States (S, 6, N) without their velocities."""
+    return np.concatenate([states[:, :3], np.zeros_like(states[:, 3:])], axis=1)
+
+
+def _aim(assembly: Assembly, goals: FloatArray) -> None:
+    """Have springs hold an assembled cloth at goals with their velocities (6, n)."""
+    pull = assembly.pull
+    assert pull is not None
+    pull.goals[:], pull.speeds[:] = goals[:3], goals[3:]

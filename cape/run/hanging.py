@@ -48,26 +48,30 @@ class Moment(NamedTuple):
     strained: bool
 
 
+Hold = tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]
+"""Points, lift and drift of `Attached`."""
+
+
 class Place(NamedTuple):
     """Where a cloth is, whatever solver and threads move it.
 
     `state` is of the vertices as the scene numbers them, about `origin`, shape (V, 6); `hold` are the points, lift and
-    drift of what bones hold.
+    drift of all that bones carry.
     """
 
     origin: FloatArray
     pose: Pose
     state: FloatArray
-    hold: tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]] | None
+    hold: tuple[Hold, ...]
 
 
 class Frame(NamedTuple):
-    """All that a cloth goes on from after a frame: a moment, where its origin and the bones are, and what they hold."""
+    """All that a cloth goes on from after a frame: a moment, where its origin and the bones are, what they carry."""
 
     moment: Moment
     origin: FloatArray
     pose: Pose
-    hold: tuple[NDArray[np.floating], ...]
+    hold: tuple[Hold, ...]
 
 
 class Hanging:
@@ -99,11 +103,14 @@ class Hanging:
         held = [putting_on.held_by(scene, a, self.pose, positions) for a in scene.attachments]
         require_held_once(held)
         self.assembly = assemble(scene, held, threads=threads)
-        attached = self.assembly.attached
-        self.holding = np.empty(0, dtype=np.int64) if attached is None else np.unique(attached.bones)
+        carrying = (attached.bones for attached in self.assembly.carried)
+        self.holding = np.unique(np.concatenate([np.empty(0, np.int64), *carrying]))
         self.state = State.at_rest(self.assembly.inwards(positions), solver.dtype(self.assembly))
         self._begin()
-        self._worn, self._spread = putting_on.hold_points(self.assembly, self.pose, held, positions)
+        self._ways = [
+            (attached, *putting_on.hold_points(scene, attached, own, self.pose, positions))
+            for attached, own in self.assembly.carried_with(held)
+        ]
         self._center, self.strained = np.zeros(3), False
         self.keeps_journal = False
         self.journal: Journal | None = None
@@ -175,8 +182,9 @@ class Hanging:
         """
         dressed = self.assembly.scene.dressing is not None
         if duration is None:
-            duration = SETTLING_TIME if dressed or not np.array_equal(self._worn, self._spread) else 0.0
-        attached, wind = self.assembly.attached, self.assembly.wind
+            moves = any(not np.array_equal(worn, spread) for _, worn, spread in self._ways)
+            duration = SETTLING_TIME if dressed or moves else 0.0
+        wind = self.assembly.wind
         wind -= velocity
         leave, arrive = DRESSED_TIME if dressed else (0.0, PUT_ON_TIME)
         if dressed and duration < arrive:
@@ -185,10 +193,10 @@ class Hanging:
         substeps = max(self.choose_substeps(SETTLING_FRAME), self.own_choice(SETTLING_FRAME))
         for frame in range(1, round(duration / SETTLING_FRAME) + 1):
             now = frame * SETTLING_FRAME
-            if attached is not None:
-                share = min(now / PUT_ON_TIME, 1.0)
-                share = share * share * (3.0 - 2.0 * share)
-                attached.points[:] = self._spread + share * (self._worn - self._spread)
+            share = min(now / PUT_ON_TIME, 1.0)
+            share = share * share * (3.0 - 2.0 * share)
+            for attached, worn, spread in self._ways:
+                attached.points[:] = spread + share * (worn - spread)
             share = min(max((now - leave) / (arrive - leave), 0.0), 1.0) if dressed else 1.0
             pose = begin.towards(end, share * share * (3.0 - 2.0 * share)) if share < 1.0 else end
             self.complete(Motion(*self.pose, *pose), SETTLING_FRAME, substeps, self.moment())
@@ -199,18 +207,19 @@ class Hanging:
             speed = np.sqrt(sum(float(np.mean(np.square(c, dtype=float))) for c in self.state[3:]))
             if now > 1.5 * arrive and speed < SETTLED_SPEED:
                 break
-        if attached is not None:
-            attached.points[:] = self._worn
+        for attached, worn, _ in self._ways:
+            attached.points[:] = worn
         if self.pose is not end and dressed:
             self.carry(end)  # there was no time to move
+        self._aim()
         wind += velocity
 
     def set_out(self, velocity: FloatArray, spin: FloatArray) -> None:
         """Give the cloth the velocity [m/s] and spin [rad/s] of what holds it, as if it were rigid."""
-        attached = self.assembly.attached
-        if attached is None:
+        carrying = [attached.bones for attached in self.assembly.carried]
+        if not carrying:
             return
-        center = self.origin + self.pose.positions[attached.bones].mean(axis=0)
+        center = self.origin + self.pose.positions[np.concatenate(carrying)].mean(axis=0)
         carried = velocity + np.cross(spin, self.positions - center)
         for component, added in zip(self.state[3:], self.assembly.inwards(carried.astype(float)).T, strict=True):
             component += added
@@ -224,10 +233,24 @@ class Hanging:
 
     def place(self) -> Place:
         """Where the cloth is, for another one of the same scene."""
-        held = self.assembly.attached
-        hold = None if held is None else (held.points.copy(), held.lift.copy(), held.drift.copy())
         state = np.stack(self.state, axis=1).astype(float)
-        return Place(self.origin, self.pose, self.assembly.outwards(state), hold)
+        return Place(self.origin, self.pose, self.assembly.outwards(state), self._hold())
+
+    def _hold(self) -> tuple[Hold, ...]:
+        """A copy of how bones carry what they carry."""
+        return tuple((c.points.copy(), c.lift.copy(), c.drift.copy()) for c in self.assembly.carried)
+
+    def _hold_again(self, hold: tuple[Hold, ...]) -> None:
+        """Put it back."""
+        for carried, kept in zip(self.assembly.carried, hold, strict=True):
+            carried.points[:], carried.lift[:], carried.drift[:] = kept
+        self._aim()
+
+    def _aim(self) -> None:
+        """Set where springs hold vertices to where the bones are."""
+        pull = self.assembly.pull
+        if pull is not None:
+            pull.goals[:], pull.speeds[:] = putting_on.held_points(pull.attached, self.pose).T, 0.0
 
     def go_to(self, place: Place) -> None:
         """Take the place, speed and hold of another one of the same scene; what layers and limbs hold is found anew."""
@@ -235,9 +258,7 @@ class Hanging:
         for component, values in zip(self.state, self.assembly.inwards(place.state).T, strict=True):
             component[:] = values
         self._pinched[:] = False
-        held = self.assembly.attached
-        if held is not None and place.hold is not None:
-            held.points[:], held.lift[:], held.drift[:] = place.hold
+        self._hold_again(place.hold)
         self.look()
 
     def can_be_carried(self, pose: Pose) -> bool:
@@ -246,10 +267,10 @@ class Hanging:
         That is: what bones hold has not parted, and no vertex is in a limb deeper than cloth is stopped before one, or
         than it was before; limbs that had to throw it out would tear at it.
         """
-        attached, scene = self.assembly.attached, self.assembly.scene
-        if attached is None:
+        scene = self.assembly.scene
+        if not self.assembly.carried:
             return True
-        before, after = (putting_on.held_points(attached, each) for each in (self.pose, pose))
+        before, after = (self._held_points(each) for each in (self.pose, pose))
         rotation, shift = rigid_motion(before, after)
         parted = np.linalg.norm(before @ rotation.T + shift - after, axis=1).max()
         if parted > PARTED * np.linalg.norm(before - before.mean(axis=0), axis=1).max():
@@ -261,9 +282,9 @@ class Hanging:
     def carry(self, pose: Pose) -> None:
         """Move the cloth as a whole to where the bones have jumped, to a pose about `origin`."""
         attached = self.assembly.attached
-        if attached is not None:
-            before = putting_on.held_points(attached, self.pose)
-            rotation, shift = rigid_motion(before, putting_on.held_points(attached, pose))
+        if self.assembly.carried:
+            before = self._held_points(self.pose)
+            rotation, shift = rigid_motion(before, self._held_points(pose))
             places = np.stack(self.state[:3], axis=1) @ rotation.T + shift
             velocities = np.stack(self.state[3:], axis=1) @ rotation.T
             moved = np.round(places.mean(axis=0))
@@ -273,11 +294,17 @@ class Hanging:
             pose = pose.moved(-moved)
             if self.assembly.layers is not None:
                 self_contact.turn(self.assembly.layers, rotation)
-            # How the jump has changed the bones' places to each other is caught up with slowly.
-            carried = before @ rotation.T + shift - moved
-            attached.lift[:] = putting_on.in_bones(attached, pose, carried) - attached.points
+            if attached is not None:
+                # How the jump has changed the bones' places to each other is caught up with slowly.
+                carried = before[: len(attached.vertices)] @ rotation.T + shift - moved
+                putting_on.lift_to(attached, pose, carried)
         self.pose = pose
+        self._aim()
         self.look()
+
+    def _held_points(self, pose: Pose) -> FloatArray:
+        """Where bones hold vertices at a pose [m], hard ones first, shape (n, 3)."""
+        return np.concatenate([putting_on.held_points(attached, pose) for attached in self.assembly.carried])
 
     def complete(self, motion: Motion, duration: float, substeps: int, before: Moment) -> tuple[int, bool]:
         """Advance a frame, again from the moment before it where pairs of layers had no room in their lists.
@@ -306,7 +333,9 @@ class Hanging:
     def _blank_journal(self, substeps: int) -> Journal:
         count, dtype = self.state.x.size, self.state.x.dtype
         integrated, ended = np.empty((2, substeps, 6, count), dtype)
-        return Journal(integrated, ended, np.empty((substeps, count), np.bool_))
+        pull = self.assembly.pull
+        goals = None if pull is None else np.empty((substeps + 1, 6, pull.stiffness.size))
+        return Journal(integrated, ended, np.empty((substeps, count), np.bool_), goals)
 
     def note_lift(self, duration: float) -> None:
         """Note how far what bones hold has drifted out of colliders in a frame of `duration` [s]."""
@@ -323,6 +352,7 @@ class Hanging:
             component -= component.dtype.type(moved)
         self.origin = self.origin + shift
         self.pose = self.pose.moved(-shift)
+        self._aim()
 
     def look(self) -> bool:
         """Tell whether no vertex is farther or faster than anything real.
@@ -356,17 +386,13 @@ class Hanging:
 
     def frame(self) -> Frame:
         """A copy of all that the cloth goes on from."""
-        held = self.assembly.attached
-        hold = () if held is None else (held.points.copy(), held.lift.copy(), held.drift.copy())
-        return Frame(self.moment(), self.origin, self.pose, hold)
+        return Frame(self.moment(), self.origin, self.pose, self._hold())
 
     def go_back_to(self, frame: Frame) -> None:
         """Put all that back, in the precision of the solver that there is now."""
         self.restore(frame.moment)
         self.origin, self.pose = frame.origin, frame.pose
-        held = self.assembly.attached
-        if held is not None:
-            held.points[:], held.lift[:], held.drift[:] = frame.hold
+        self._hold_again(frame.hold)
 
     @contextmanager
     def taken_back(self) -> Iterator[Moment]:

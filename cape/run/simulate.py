@@ -141,8 +141,9 @@ def _first_motion(scene: Scene, track: BoneTrack, cuts: Cuts | None) -> tuple[Fl
 
     None where the bones jump away from the first frame.
     """
-    held = [track.index(a.bone) for a in scene.attachments]
-    if not held or (cuts is not None and cuts.frames(track.first(2), (a.bone for a in scene.attachments))):
+    holding = [bone for a in scene.attachments for bone in a.bones]
+    held = [track.index(bone) for bone in holding]
+    if not held or (cuts is not None and cuts.frames(track.first(2), holding)):
         return np.zeros(3), np.zeros(3)
     step = track.times[1] - track.times[0]
     velocity = (track.positions[1, held] - track.positions[0, held]).mean(axis=0) / step

@@ -11,6 +11,7 @@ from cape.cloth.cloth import Cloth
 from cape.scene.attachments import Attachment
 from cape.scene.colliders import Collider
 from cape.scene.self_contact import SelfContact
+from cape.scene.tethers import Tethers
 from cape.scene.wind import Wind
 from motions.errors import ValueRangeError
 from skeleton.shapes import require_known
@@ -36,6 +37,7 @@ class Scene:
         thickness: distance at which colliders stop the cloth [m]: half of the cloth's own thickness, and room for
             what lies between the vertices.
         self_contact: how the cloth touches itself; None to let it pass through itself.
+        tethers: how far the cloth may get from what is held hard; None for as far as its springs let it.
         wearer: the bones, or their roles, at which the left and the right arm begin, and the pelvis: where a cape is.
         dressing: origin [m] and unit quaternion bone_to_wearer wxyz of each of `bones` in the wearer's frame, where the
             cloth is put on, before they go to where the motion begins; None to put it on there.
@@ -49,6 +51,7 @@ class Scene:
     friction: float = 0.3
     thickness: float = 0.005
     self_contact: SelfContact | None = None
+    tethers: Tethers | None = None
     wearer: tuple[str, str, str] = WEARER_ROLES
     dressing: Mapping[str, tuple[FloatArray, FloatArray]] | None = None
 
@@ -67,6 +70,8 @@ class Scene:
             raise ValueRangeError(f"two colliders are named {doubled[0]!r}")
         if len(self.gravity) != 3 or not np.isfinite(self.gravity).all():
             raise ValueRangeError(f"gravity must be three finite numbers, not {self.gravity}")
+        if self.tethers is not None and all(attachment.soft for attachment in self.attachments):
+            raise ValueRangeError("tethers need vertices that are held hard")
         for name in ("friction", "thickness"):
             if not 0.0 <= getattr(self, name) < float("inf"):
                 raise ValueRangeError(f"{name} must be zero or more and finite, not {getattr(self, name)}")
@@ -74,7 +79,8 @@ class Scene:
     @cached_property
     def bones(self) -> tuple[str, ...]:
         """Names of the bones, or roles, that the scene uses, each once."""
-        used = [a.bone for a in self.attachments] + [c.bone for c in self.colliders if c.bone is not None]
+        used = [bone for a in self.attachments for bone in a.bones]
+        used += [c.bone for c in self.colliders if c.bone is not None]
         if self.cloth.frame == "wearer":
             used += self.wearer
         return tuple(dict.fromkeys(used))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly, force_scratch, inertia_of
-from cape.assembly.stability import largest_step
+from cape.assembly.stability import Ground, largest_step
 from cape.cloth.cloth import GridCloth
 from cape.forces.base import Force
 from cape.forces.registry import forces_of
@@ -92,7 +92,7 @@ class SymplecticEuler(Solver):
             total=np.zeros((3, assembly.cloth.vertices), dtype=dtype),
             scratch=force_scratch(assembly, dtype),
             stable_step=_stable_step(assembly),
-            strained_step=largest_step(assembly.springs, assembly.cloth.fabric, assembly.inverse_mass, None),
+            strained_step=_largest_step(assembly, None),
         )
 
     def choose_substeps(self, running: Running, duration: float, *, strained: bool = False) -> int:
@@ -124,4 +124,13 @@ def _stable_step(assembly: Assembly) -> float:
     flat = cloth.positions
     if isinstance(cloth, GridCloth) and not cloth.darted:
         flat = np.column_stack([cloth.pattern, np.zeros(cloth.vertices)])
-    return largest_step(assembly.springs, cloth.fabric, assembly.inverse_mass, flat)
+    return _largest_step(assembly, flat)
+
+
+def _largest_step(assembly: Assembly, positions: NDArray[np.float64] | None) -> float:
+    ground, pull = None, assembly.pull
+    if pull is not None:
+        held = np.zeros((2, assembly.cloth.vertices))
+        held[:, pull.attached.vertices] = pull.stiffness, pull.damping
+        ground = Ground(*held)
+    return largest_step(assembly.springs, assembly.cloth.fabric, assembly.inverse_mass, positions, ground)

@@ -54,7 +54,7 @@ from cape.kernels.state import Inertia
 from cape.solvers.base import Precision, Solver
 from cape.solvers.matrix import Layout, link_blocks, matrix_of, matrix_units
 from cape.solvers.multigrid import Levels, levels_of, multigrid
-from cape.solvers.order import Order, begin_frame, end_substep, forces
+from cape.solvers.order import Order, aim_springs, begin_frame, end_substep, forces
 from cape.solvers.running import Running, Thread
 from motions.errors import ValueRangeError
 
@@ -266,7 +266,7 @@ class ImplicitSolver(Solver):
         if attached is not None:
             holding = Holding(running.state, attached, thread.bones, running.arrays.work.target, at, self.stage)
             uses.append(Use(place_attached, holding))
-        return uses
+        return [*uses, *aim_springs(thread, at)]
 
     def _end(self, thread: Thread, linker: Linker, earlier: Array | None) -> list[Use]:
         """Move out what a step leaves deeper than contact forces should, or on a fast limb's other side."""

@@ -35,8 +35,10 @@ from cape.kernels.implicit.stiffness import (
     Blocks,
     GridStiffness,
     Matrix,
+    PullBlocks,
     add_contact_blocks,
     add_grid_diagonal,
+    add_pull_blocks,
     invert_diagonal,
     linearise_springs,
     multiply_grid,
@@ -151,7 +153,9 @@ def matrix_units(
     own = [Use(set_own, matrix)]
     if contact is not None:
         own.append(Use(add_contact_blocks, Blocks(matrix, contact.penalty.blocks)))
-    state = thread.running.state
+    state, pull = thread.running.state, thread.running.assembly.pull
+    if pull is not None:
+        own.append(Use(add_pull_blocks, PullBlocks(pull, matrix)))
     start, invert = Use(start_diagonal, matrix), Use(invert_diagonal, matrix)
     if isinstance(links.springs, GridSprings):
         assert not isinstance(links.bends, MeshBends)

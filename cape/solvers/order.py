@@ -4,10 +4,11 @@ A frame begins with the bones (`begin_frame`). In each substep the solver's unit
 
 1. the journal notes where that has led;
 2. touching layers of cloth press on each other;
-3. colliders keep triangles out, then vertices;
-4. bones put the vertices that they hold where they belong;
-5. layers of the cloth are kept apart;
-6. the journal notes where that has led.
+3. tethers draw in what is too far from where bones hold the cloth;
+4. colliders keep triangles out, then vertices;
+5. bones put the vertices that they hold hard where they belong;
+6. layers of the cloth are kept apart;
+7. the journal notes where that has led.
 
 What a scene lacks is not in the list.
 """
@@ -36,7 +37,18 @@ from cape.kernels.linking import Linker
 from cape.kernels.program import Nothing, Use, wait_for_all
 from cape.kernels.self_contact.self_contact import Layered, Pressed, Searched, keep_apart, press, search_pairs
 from cape.kernels.solve.attachments import Held, Lifted, hold_attached, lift_attached
-from cape.kernels.solve.journal import Noting, NotingForces, note_end, note_integrated, note_pressed
+from cape.kernels.solve.journal import (
+    Noting,
+    NotingForces,
+    NotingGoals,
+    note_end,
+    note_first_goals,
+    note_goals,
+    note_integrated,
+    note_pressed,
+)
+from cape.kernels.solve.soft import Aiming, aim_pull
+from cape.kernels.solve.tethers import Tethered, keep_tethered
 from cape.solvers.running import Thread
 
 
@@ -73,12 +85,23 @@ def begin_frame(thread: Thread) -> list[Use]:
     attached = running.assembly.attached
     if attached is not None:
         uses += [Use(lift_attached, Lifted(attached, contacts.colliders, motion, bones, duration)), start]
+    uses += aim_springs(thread, 0.0)
+    pull, journal = running.assembly.pull, thread.journal
+    if pull is not None and journal is not None:
+        uses.append(Use(note_first_goals, NotingGoals(pull, journal)))
     return uses
 
 
 def move_bones(thread: Thread) -> list[Use]:
-    """Move the bones on by a substep."""
-    return [Use(move_on, MovingBones(thread.running.motion, thread.bones, thread.running.duration))]
+    """Move the bones on by a substep, and with them what springs hold the cloth at."""
+    moving = MovingBones(thread.running.motion, thread.bones, thread.running.duration)
+    return [Use(move_on, moving), *aim_springs(thread, 1.0)]
+
+
+def aim_springs(thread: Thread, at: float) -> list[Use]:
+    """Set the goals of springs that hold the cloth to where the bones are, which is at a share of the step."""
+    pull = thread.running.assembly.pull
+    return [] if pull is None else [Use(aim_pull, Aiming(pull, thread.bones, at))]
 
 
 def end_substep(
@@ -106,10 +129,17 @@ def end_substep(
     uses = []
     if thread.journal is not None:
         uses.append(Use(note_integrated, Noting(running.state, thread.journal)))
+        if assembly.pull is not None:
+            uses.append(Use(note_goals, NotingGoals(assembly.pull, thread.journal)))
         if not pressing:
             uses.append(Use(note_pressed, NotingForces(thread.journal, force, contacts.pressure)))
     if contacts.pressure is not None and pressing:
         uses.append(Use(press, Pressed(running.state, contacts.pressure)))
+    if assembly.tethers is not None and assembly.attached is not None:
+        anchors = np.zeros((assembly.attached.vertices.size, 6))
+        uses.append(
+            Use(keep_tethered, Tethered(running.state, assembly.attached, assembly.tethers, thread.bones, anchors))
+        )
     uses += _keep_out(thread, earlier, share)
     if assembly.attached is not None and holding:
         uses.append(Use(hold_attached, Held(running.state, assembly.attached, thread.bones)))

@@ -15,12 +15,14 @@ from cape.assembly.springs import Springs
 from cape.cloth.cloth import GridCloth
 from cape.forces.base import Force
 from cape.forces.elastic import Elastic, damping_times
+from cape.forces.hold import Hold
 from cape.forces.registry import forces_of
 from cape.kernels.cloth.grid import GridRoom
 from cape.kernels.cloth.membrane import Tension
 from cape.kernels.linking import Linker
 from cape.kernels.program import Use
 from cape.kernels.solve.attachments import Held, aim_attached
+from cape.kernels.solve.soft import Drawn, draw_vertices
 from cape.kernels.state import Inertia
 from cape.kernels.xpbd.bending import BendConstraints
 from cape.kernels.xpbd.formulas import Constraints
@@ -94,7 +96,7 @@ class XPBD(Solver):
         """Turn springs into constraints: by family on a grid, by colour on a mesh."""
         dtype, cloth = self.dtype(assembly), assembly.cloth
         damping, bend_damping = damping_times(assembly)
-        others = [force for force in forces_of(assembly.scene) if force is not Elastic]
+        others = [force for force in forces_of(assembly.scene) if force not in (Elastic, Hold)]
         grid = isinstance(cloth, GridCloth)
         return XpbdArrays(
             forces={force: force.arrays(assembly, dtype) for force in others},
@@ -139,7 +141,11 @@ class XPBD(Solver):
         uses += [Use(fall_all, Falling(running.state, arrays.inertia)), *move_bones(thread)]
         if assembly.attached is not None:
             uses.append(Use(aim_attached, Held(running.state, assembly.attached, thread.bones)))
-        uses += [*wait(thread), solve, *wait(thread), Use(drift_all, running.state), *end_substep(thread, linker)]
+        uses += [*wait(thread), solve, *wait(thread)]
+        if assembly.pull is not None:
+            # After the springs, whose load it then bears at rest without having seen a vertex yield.
+            uses.append(Use(draw_vertices, Drawn(running.state, assembly.pull, arrays.inertia)))
+        uses += [Use(drift_all, running.state), *end_substep(thread, linker)]
         return Order(begin=[*begin_frame(thread), prepare], substep=[*uses, *wait(thread)])
 
     def _sweeps(self, running: Running) -> tuple[Use, Use]:
@@ -278,7 +284,7 @@ class XPBD(Solver):
 def step_of(chain: Chain) -> float:
     """The step [s] with which a cloth hangs down too far by `TOO_LONG` of its length, infinite without gravity."""
     sag = SWEPT * chain.sag
-    return math.sqrt(TOO_LONG * chain.length / sag) if sag > 0.0 else math.inf
+    return math.sqrt(TOO_LONG * chain.length / sag) if min(sag, chain.length) > 0.0 else math.inf
 
 
 def _patches(springs: Springs) -> tuple[NDArray[np.int64], Array, Array]:

@@ -42,15 +42,18 @@ def run(more):
         colliders.append(cape.Box(center=np.array([0.0, 1.0, 0.0])))
     if more == "ellipsoid":
         colliders.append(Ellipsoid(center=np.array([0.0, 1.0, 0.0]), thickness=0.03))
+    bones, stiffness = {"blend": ({"rod": 1.0, "hook": 1.0}, None), "soft": ("rod", 50.0)}.get(more, ("rod", None))
+    holds = [cape.attach(cloth, bones, "top_left", stiffness=stiffness), cape.attach(cloth, "rod", "top_right")]
     scene = cape.Scene(
-        cloth, [cape.attach(cloth, "rod", "top")], colliders,
+        cloth, holds, colliders,
+        tethers=cape.Tethers() if more == "tethers" else None,
         wind=cape.Wind() if more == "wind" else None,
         self_contact=cape.SelfContact() if more == "self-contact" else None,
     )
     solver = {"xpbd": cape.XPBD(), "implicit": cape.BackwardEuler(precision="single")}
     chosen = solver.get(more, cape.SymplecticEuler(precision="single"))
     simulation = cape.Simulation(scene, solver=chosen, threads=2 if more == "thread" else 1)
-    still = {"rod": ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])}
+    still = dict.fromkeys(("rod", "hook"), ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]))
     simulation.start(still)
     for _ in range(2):
         simulation.step(still, 1 / 60)
@@ -90,6 +93,9 @@ OWN = {
     "box": {"nearest", "gaps of box", "planes of box", "wake_faces", "keep_faces_out"},
     "ellipsoid": {"nearest", "gaps of ellipsoid"},  # in so thick a skin that no triangle can touch it
     "self-contact": {"press", "keep_apart", "search_pairs"},
+    "blend": {"lift_attached", "hold_attached"},  # the same for several bones a vertex
+    "tethers": {"keep_tethered"},
+    "soft": {"aim_pull", "pull_vertices"},
     "thread": {"wait_for_all"},
     "xpbd": {"fall_all", "drift_all", "prepare_grid", "solve_grid", "aim_attached"},
     "implicit": {

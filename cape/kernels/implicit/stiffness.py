@@ -7,7 +7,7 @@ to the positions, where velocities follow these as v = (x - xt)/b:
                                                                      has no negative stiffness across
             = w w^T + c I  with  c = k max(0, 1 - l0/l),  w = (k (1 + tau/b) - c)^1/2 u
     bend:     k (1 + tau_b/b) times the outer product of its coefficients, exactly
-    own:      a symmetric 3x3 block of each vertex: mass, diagonal of the bends, air, contact
+    own:      a symmetric 3x3 block of each vertex: mass, diagonal of the bends, air, contact, soft attachments
 
 Vectors have shape (3, L): `front` zeros, the N vertices, zeros to a multiple of 64, `front` zeros, so that a stencil
 never leaves the array. Blocks are stored as the rows xx, yy, zz, xy, xz, yz.
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from cape.kernels.cloth.grid import GridBends, GridSprings
 from cape.kernels.implicit.linearise import linearised
 from cape.kernels.jit import inlined, kernel, routine, unit
+from cape.kernels.solve.soft import Pull
 from cape.kernels.state import State
 
 Array = NDArray[np.floating]
@@ -50,6 +51,13 @@ class Blocks(NamedTuple):
 
     matrix: Matrix
     contact: Array
+
+
+class PullBlocks(NamedTuple):
+    """The matrix of an implicit stage, to which springs are added."""
+
+    pull: Pull
+    matrix: Matrix
 
 
 class GridStiffness(NamedTuple):
@@ -125,6 +133,20 @@ def add_contact_blocks(g, team, substep, substeps, b):
     lo, hi, front = team.lo, team.hi, g.matrix.front
     for row in range(6):
         add(g.contact[row, lo:hi], g.matrix.own[row, front + lo : front + hi])
+
+
+@unit
+def add_pull_blocks(g, team, substep, substeps, b):
+    """Add springs to the own blocks of a thread's vertices."""
+    pull, own, front = g.pull, g.matrix.own, g.matrix.front
+    vertices = pull.attached.vertices
+    for k in range(vertices.size):
+        i = vertices[k]
+        if i < team.lo or i >= team.hi:
+            continue
+        held = own.dtype.type(pull.stiffness[k] + pull.damping[k] / b)
+        for row in range(3):
+            own[row, front + i] += held
 
 
 @unit

@@ -18,11 +18,20 @@ Indices = NDArray[np.int64]
 PASSES = 4  # around the colliders that a held vertex is between
 
 
+class Blend(NamedTuple):
+    """How several bones hold each of n vertices: those from `starts` (n + 1,) on, by `weights` (m,) of 1 in sum, the
+    heaviest first."""
+
+    starts: Indices
+    weights: Array
+
+
 class Attached(NamedTuple):
-    """Vertices (n,) held at points [m] (n, 3) of their bones (n,).
+    """Vertices (n,) held at points [m] (n, 3) of their bones (n,), or each at the mean of points (m, 3) of bones (m,).
 
     `lift` [m] is how far they are held off there at a frame's start, out of colliders or where a jump of the bones has
-    left them, and `drift` [m/s] how that changes in it, both (n, 3) and in the bones' frames.
+    left them, and `drift` [m/s] how that changes in it, both (n, 3) and in the frames of the bones, of a vertex's
+    heaviest of several. `blend` is None where each vertex has one bone.
     """
 
     vertices: Indices
@@ -30,6 +39,7 @@ class Attached(NamedTuple):
     points: Array
     lift: Array
     drift: Array
+    blend: Blend | None = None
 
 
 class Held(NamedTuple):
@@ -71,12 +81,57 @@ def lift_attached(g, team, substep, substeps, step):
 @inlined
 def goal(attached, k, m, time):
     """Where attachment k holds its vertex in the world [m], `time` [s] after the frame's start."""
-    points, lift, drift = attached.points, attached.lift, attached.drift
-    x, y, z = points[k, 0], points[k, 1], points[k, 2]
-    x += lift[k, 0] + time * drift[k, 0]
-    y += lift[k, 1] + time * drift[k, 1]
-    z += lift[k, 2] + time * drift[k, 2]
-    return to_world(attached.bones[k], x, y, z, m.positions, m.matrices)
+    lift, drift = attached.lift, attached.drift
+    x, y, z = lift[k, 0] + time * drift[k, 0], lift[k, 1] + time * drift[k, 1], lift[k, 2] + time * drift[k, 2]
+    return carried(attached, attached.blend, k, x, y, z, m)
+
+
+@inlined
+def carried(attached, blend, k, ox, oy, oz, m):
+    """Where bones carry the vertex of attachment k in the world, held off by `o` in its heaviest bone's frame [m]."""
+    bones, points = attached.bones, attached.points
+    if blend is None:
+        return to_world(
+            bones[k], points[k, 0] + ox, points[k, 1] + oy, points[k, 2] + oz, m.positions, m.matrices
+        )  # fmt: skip
+    first = blend.starts[k]
+    x, y, z = turned(bones[first], ox, oy, oz, m.matrices)
+    for j in range(first, blend.starts[k + 1]):
+        weight = blend.weights[j]
+        px, py, pz = to_world(bones[j], points[j, 0], points[j, 1], points[j, 2], m.positions, m.matrices)
+        x, y, z = x + weight * px, y + weight * py, z + weight * pz
+    return x, y, z
+
+
+@inlined
+def carrying_velocity(attached, blend, k, x, y, z, m):
+    """Velocity [m/s] of where attachment k holds its vertex, which is at x, y, z in the world [m]."""
+    bones, points, drift = attached.bones, attached.points, attached.drift
+    first = heaviest(attached, blend, k)
+    dx, dy, dz = turned(first, drift[k, 0], drift[k, 1], drift[k, 2], m.matrices)
+    if blend is None:
+        vx, vy, vz = velocity_at(first, x, y, z, m)
+        return vx + dx, vy + dy, vz + dz
+    # What is held off turns with the heaviest bone about where all of them carry the vertex.
+    px, py, pz = carried(attached, blend, k, 0.0, 0.0, 0.0, m)
+    spin = m.spin[first]
+    dx += spin[1] * (z - pz) - spin[2] * (y - py)
+    dy += spin[2] * (x - px) - spin[0] * (z - pz)
+    dz += spin[0] * (y - py) - spin[1] * (x - px)
+    for j in range(blend.starts[k], blend.starts[k + 1]):
+        weight = blend.weights[j]
+        px, py, pz = to_world(bones[j], points[j, 0], points[j, 1], points[j, 2], m.positions, m.matrices)
+        vx, vy, vz = velocity_at(bones[j], px, py, pz, m)
+        dx, dy, dz = dx + weight * vx, dy + weight * vy, dz + weight * vz
+    return dx, dy, dz
+
+
+@inlined
+def heaviest(attached, blend, k):
+    """The bone that has the most weight in attachment k."""
+    if blend is None:
+        return attached.bones[k]
+    return attached.bones[blend.starts[k]]
 
 
 @routine
@@ -115,14 +170,11 @@ def hold_rigidly(lo, hi, s, attached, m, time, b, target):
     Rows 0 to 2 of `target` are set to xt, so that v = (x - xt) / b.
     """
     for k in range(attached.vertices.size):
-        i, bone = attached.vertices[k], attached.bones[k]
+        i = attached.vertices[k]
         if i < lo or i >= hi:
             continue
         x, y, z = goal(attached, k, m, time)
-        vx, vy, vz = velocity_at(bone, x, y, z, m)
-        drift = attached.drift[k]
-        ux, uy, uz = turned(bone, drift[0], drift[1], drift[2], m.matrices)
-        vx, vy, vz = vx + ux, vy + uy, vz + uz
+        vx, vy, vz = carrying_velocity(attached, attached.blend, k, x, y, z, m)
         s.x[i], s.y[i], s.z[i] = x, y, z
         s.vx[i], s.vy[i], s.vz[i] = vx, vy, vz
         target[0, i], target[1, i], target[2, i] = x - b * vx, y - b * vy, z - b * vz
@@ -137,11 +189,11 @@ def lift_held(lo, hi, attached, colliders, motion, m, duration):
     set_pose(motion.position1, motion.rotation1, m)
     forget_places(colliders)
     for k in range(attached.vertices.size):
-        i, bone = attached.vertices[k], attached.bones[k]
+        i, bone = attached.vertices[k], heaviest(attached, attached.blend, k)
         if i < lo or i >= hi:
             continue
-        point, lift, drift = attached.points[k], attached.lift[k], attached.drift[k]
-        x0, y0, z0 = to_world(bone, point[0], point[1], point[2], m.positions, m.matrices)
+        lift, drift = attached.lift[k], attached.drift[k]
+        x0, y0, z0 = carried(attached, attached.blend, k, 0.0, 0.0, 0.0, m)
         x, y, z = clear(x0, y0, z0, colliders, m)
         x, y, z = turned_back(bone, x - x0, y - y0, z - z0, m.matrices)
         x, y, z = (x - lift[0]) / duration, (y - lift[1]) / duration, (z - lift[2]) / duration

@@ -7,17 +7,20 @@ from numpy.typing import NDArray
 
 from cape.kernels.jit import routine, unit
 from cape.kernels.self_contact.self_contact import PRESSED, Pressure
+from cape.kernels.solve.soft import Pull
 from cape.kernels.state import State
 
 
 class Journal(NamedTuple):
     """Room for a frame of S substeps, positions [m] and velocities [m/s]: `integrated` (S, 6, N) as each has moved the
     vertices, `ended` (S, 6, N) as impulses of contact have then left them; and `pressed` (S, N), where contact forces
-    had a part in the former."""
+    had a part in the former. `goals` (S + 1, 6, n) are those of springs that hold n vertices, with their velocities, at
+    the frame's start and the end of each substep; None without any."""
 
     integrated: NDArray[np.floating]
     ended: NDArray[np.floating]
     pressed: NDArray[np.bool_]
+    goals: NDArray[np.float64] | None = None
 
 
 class Noting(NamedTuple):
@@ -33,6 +36,13 @@ class NotingForces(NamedTuple):
     journal: Journal
     force: NDArray[np.floating] | None
     pressure: Pressure | None
+
+
+class NotingGoals(NamedTuple):
+    """Springs that hold a cloth, and the journal of what its steps do."""
+
+    pull: Pull
+    journal: Journal
 
 
 @unit
@@ -62,6 +72,28 @@ def _note_layers(lo, hi, pressure, pressed):
         a = pressure.held
         for i in range(lo, hi):
             pressed[i] = pressed[i] or a[0, i] != 0.0 or a[1, i] != 0.0 or a[2, i] != 0.0
+
+
+@unit
+def note_first_goals(g, team, substep, substeps, step):
+    """Note where springs hold a thread's vertices at a frame's start."""
+    copy_goals(team.lo, team.hi, g.pull, g.journal.goals[0])
+
+
+@unit
+def note_goals(g, team, substep, substeps, step):
+    """Note where springs hold a thread's vertices at the end of a substep."""
+    copy_goals(team.lo, team.hi, g.pull, g.journal.goals[substep + 1])
+
+
+@routine
+def copy_goals(lo, hi, pull, out):
+    """Copy the goals of vertices lo to hi, and their velocities, to `out` (6, n)."""
+    vertices = pull.attached.vertices
+    for k in range(vertices.size):
+        if lo <= vertices[k] and vertices[k] < hi:
+            for axis in range(3):
+                out[axis, k], out[3 + axis, k] = pull.goals[axis, k], pull.speeds[axis, k]
 
 
 @unit
