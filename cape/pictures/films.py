@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,8 +94,9 @@ def _mp4(first: Image, others: Iterable[Image], path: Path, fps: float) -> None:
     import imageio_ffmpeg
 
     even = (first.width // 2 * 2, first.height // 2 * 2)  # colours are kept for squares of four pixels
+    rate: Any = fps  # it is handed on as it is, though the library speaks of whole numbers
     writer = imageio_ffmpeg.write_frames(
-        str(path), even, fps=fps, quality=8, macro_block_size=2, output_params=["-movflags", "+faststart"]
+        str(path), even, fps=rate, quality=8, macro_block_size=2, output_params=["-movflags", "+faststart"]
     )
     try:
         writer.send(None)
