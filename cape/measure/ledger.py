@@ -18,7 +18,10 @@ holds it.
 
 *Contact* by impulses, as a step notes it itself, takes a vertex from v' and x' to v1 and x1: it stops the vertex, rubs
 on it, and moves it out of a shape by p = x1 - x' - h (v1 - v') besides. Its work is m (v1 - v') . u - f . p, none on a
-vertex at rest, whatever presses it. Where an implicit step finds contact forces along with all others the whole of w
+vertex at rest, whatever presses it. A *limit* of strain, which is noted before contact, does
+such work likewise. Its impulses between vertices add up to nothing, so that what holds the cloth gave P = sum m (v' - v)
+to the free; P times the mean way of all that is held, over h, was therefore done by the attachments, and not by the
+limit. That is exact where all that is held moves alike. Where an implicit step finds contact forces along with all others the whole of w
 is contact's.
 
 All that is left of the w of free vertices is *numerical*: what the method itself adds or loses. It vanishes with the
@@ -63,7 +66,7 @@ from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
 
-ATTACHMENTS, CONTACTS, AIR, DAMPING, NUMERICAL, MOVED = range(6)
+ATTACHMENTS, CONTACTS, AIR, DAMPING, NUMERICAL, MOVED, LIMIT = range(7)
 
 TOGETHER = 16_384  # vertices times steps that are looked at in one go: so much fits the processor's cache
 
@@ -83,6 +86,7 @@ class Balance:
         damping: what the springs' damping has dissipated.
         numerical: what the method of integration has added; below zero what it has dissipated.
         moved: what was changed between frames: by jumps of the bones, or `Simulation.disturb`.
+        limit: work done on it by the limit of its strain; below zero what that has taken away.
     """
 
     times: FloatArray
@@ -95,6 +99,7 @@ class Balance:
     damping: FloatArray
     numerical: FloatArray
     moved: FloatArray
+    limit: FloatArray
 
     @property
     def total(self) -> FloatArray:
@@ -104,7 +109,7 @@ class Balance:
     @property
     def residual(self) -> FloatArray:
         """The change of the total that no term accounts for [J], shape (F,)."""
-        done = self.attachments + self.contacts + self.air - self.damping + self.numerical + self.moved
+        done = self.attachments + self.contacts + self.air - self.damping + self.numerical + self.moved + self.limit
         return self.total - self.total[0] - done
 
     @property
@@ -159,7 +164,7 @@ class Ledger:
             origin: that positions refer to, in the world [m], shape (3,).
             sweeps: whether its springs act by impulses of sweeps over them (`Solver.sweeps`).
         """
-        self._times, self._sums, self._sweeps = [0.0], [np.zeros(6)], sweeps
+        self._times, self._sums, self._sweeps = [0.0], [np.zeros(7)], sweeps
         self._energies = [energy_of(assembly, state, origin)]
 
     def enter(self, assembly: Assembly, before: State, origin: FloatArray, journal: Journal, duration: float) -> None:
@@ -180,14 +185,15 @@ class Ledger:
         self._energies.append(energy_of(assembly, State(*journal.ended[-1]), origin))
 
     def _work_of(self, assembly: Assembly, begin: FloatArray, journal: Journal, h: float) -> FloatArray:
-        """What the terms gain in a frame that starts at the state `begin` (6, N) with steps of `h` [s], shape (6,)."""
+        """What the terms gain in a frame that starts at the state `begin` (6, N) with steps of `h` [s], shape (7,)."""
         if self._forces is None or self._forces.assembly.springs is not assembly.springs:
             self._forces = _Forces(assembly)
-        sums, count = np.zeros(6), max(1, TOGETHER // begin.shape[1])
+        sums, count = np.zeros(7), max(1, TOGETHER // begin.shape[1])
         for first in range(0, len(journal.ended), count):
             some = slice(first, first + count)
             integrated, ended = (states[some].astype(float) for states in (journal.integrated, journal.ended))
-            sums += self._work_of_steps(assembly, begin, integrated, ended, journal.pressed[some], h)
+            limited = None if journal.limited is None else journal.limited[some].astype(float)
+            sums += self._work_of_steps(assembly, begin, integrated, limited, ended, journal.pressed[some], h)
             begin = ended[-1]
         return sums
 
@@ -196,6 +202,7 @@ class Ledger:
         assembly: Assembly,
         begin: FloatArray,
         integrated: FloatArray,
+        limited: FloatArray | None,
         ended: FloatArray,
         pressed: NDArray[np.bool_],
         h: float,
@@ -213,20 +220,33 @@ class Ledger:
         mean = 0.5 * (begun[:, 3:] + ended[:, 3:])
         damped, blown = h * _dots(damping, mean), h * _dots(air, mean)
         left = mass * _dots(gained, mean) - _dots(conservative, moved) - damped - blown
-        kicked = ended[:, 3:] - integrated[:, 3:]
-        pushed = ended[:, :3] - integrated[:, :3] - h * kicked
-        touched = mass * _dots(kicked, mean) - _dots(conservative, pushed)
-        touched = np.where(held, 0.0, np.where(pressed, left, touched)).sum()
-        attachments = left[:, held].sum()
+
+        def work_between(earlier: FloatArray, later: FloatArray) -> FloatArray:
+            """What impulses do that take vertices from one state to another within a step."""
+            kicked = later[:, 3:] - earlier[:, 3:]
+            pushed = later[:, :3] - earlier[:, :3] - h * kicked
+            return np.where(held, 0.0, mass * _dots(kicked, mean) - _dots(conservative, pushed))
+
+        attachments, kept = left[:, held].sum(), np.zeros_like(left)
+        touched = work_between(integrated if limited is None else limited, ended)
+        limit = 0.0
+        if limited is not None:
+            kept = work_between(integrated, limited)
+            limit = kept.sum()
+            if held.any():
+                given = (mass * (limited[:, 3:] - integrated[:, 3:]))[:, :, ~held].sum(axis=2)
+                pulled = (given * moved[:, :, held].mean(axis=2)).sum() / h
+                attachments, limit = attachments + pulled, limit - pulled
+        touched = np.where(pressed & ~held, left - kept, touched).sum()
         if self._sweeps and held.any():
             weight = self._forces.weight
             given = integrated[:, 3:] - begun[:, 3:]
             impulse = (h * (weight + air) - mass * given)[:, :, ~held].sum(axis=2)
             stretched = h * (conservative - weight + damping)[:, :, held].sum(axis=2)
             attachments -= ((impulse - stretched) * moved[:, :, held].mean(axis=2)).sum() / h
-        sums = np.zeros(6)
-        sums[ATTACHMENTS], sums[CONTACTS] = attachments, touched
-        sums[NUMERICAL] = left.sum() - attachments - touched
+        sums = np.zeros(7)
+        sums[ATTACHMENTS], sums[CONTACTS], sums[LIMIT] = attachments, touched, limit
+        sums[NUMERICAL] = left.sum() - attachments - touched - limit
         sums[AIR], sums[DAMPING] = blown.sum(), -damped.sum()
         return sums
 
