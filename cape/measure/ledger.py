@@ -18,11 +18,11 @@ holds it.
 
 *Contact* by impulses, as a step notes it itself, takes a vertex from v' and x' to v1 and x1: it stops the vertex, rubs
 on it, and moves it out of a shape by p = x1 - x' - h (v1 - v') besides. Its work is m (v1 - v') . u - f . p, none on a
-vertex at rest, whatever presses it. A *limit* of strain, which is noted before contact, does
-such work likewise. Its impulses between vertices add up to nothing, so that what holds the cloth gave P = sum m (v' - v)
-to the free; P times the mean way of all that is held, over h, was therefore done by the attachments, and not by the
-limit. That is exact where all that is held moves alike. Where an implicit step finds contact forces along with all others the whole of w
-is contact's.
+vertex at rest, whatever presses it. A *limit* of strain, which is noted before contact, does such work likewise. Its
+impulses between vertices add up to nothing, so that what holds the cloth gave P = sum m (v' - v) to the free; P times
+the mean way of all that is held, over h, was therefore done by the attachments, and not by the limit. That is exact
+where all that is held moves alike. Where an implicit step finds contact forces along with all others the whole of w is
+contact's.
 
 All that is left of the w of free vertices is *numerical*: what the method itself adds or loses. It vanishes with the
 step. With linear forces it is h/2 (f0 . v0 - f1 . v1) for symplectic Euler, where m (v1 - v0) = h f0 and
@@ -39,7 +39,8 @@ taken to be spread evenly there, and its work is numerical. That is exact where 
 
 Summed over all vertices, and with minus the damping's work as what is dissipated,
 
-    change of kinetic + elastic + potential = attachments + contacts + air - damping + numerical + moved + residual
+    change of kinetic + elastic + potential
+        = attachments + contacts + limit + air - damping + numerical + moved + residual
 
 The work of f is taken from the solvers' own forces, elastic and potential energy from their definition
 (`measure.energy`). So the *residual* closes the books: it is what Simpson's rule misses of an energy's difference along

@@ -46,6 +46,7 @@ def run(more):
         cloth, [cape.attach(cloth, "rod", "top")], colliders,
         wind=cape.Wind() if more == "wind" else None,
         self_contact=cape.SelfContact() if more == "self-contact" else None,
+        strain_limit=more == "strain limit",
     )
     solver = {"xpbd": cape.XPBD(), "implicit": cape.BackwardEuler(precision="single")}
     chosen = solver.get(more, cape.SymplecticEuler(precision="single"))
@@ -90,6 +91,7 @@ OWN = {
     "box": {"nearest", "gaps of box", "planes of box", "wake_faces", "keep_faces_out"},
     "ellipsoid": {"nearest", "gaps of ellipsoid"},  # in so thick a skin that no triangle can touch it
     "self-contact": {"press", "keep_apart", "search_pairs"},
+    "strain limit": {"limit_down", "limit_across"},
     "thread": {"wait_for_all"},
     "xpbd": {"fall_all", "drift_all", "prepare_grid", "solve_grid", "aim_attached"},
     "implicit": {
