@@ -19,13 +19,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.kernels.fused import fused
-from cape.kernels.jit import kernel, routine, unit
+from cape.kernels.jit import inlined, kernel, routine, unit
 from cape.kernels.state import State
 from cape.kernels.team import share
 
 Array = NDArray[np.floating]
 
-SWEEPS = 10  # at most, in a step
+# A sweep leaves a chain of N threads that bear an acceleration a too long by a (N h)^2 (`assembly.chains.Chain.sag`), n
+# of them by an n-th. So many are done that a load of LOAD, that of a spin with what hangs on neighbouring threads,
+# leaves no more than LEFT; a stable step of Euler takes ten, whatever the spacing.
+LOAD = 1e3  # m/s2
+LEFT = 3.5e-3  # m
+LEAST, MOST = 10, 100
 SLACK = 1e-4  # of its longest, by which a thread that is too long is left alone
 
 
@@ -42,13 +47,19 @@ class Limited(NamedTuple):
     columns: int
 
 
+@inlined
+def sweeps_over(links, step):
+    """How many sweeps over chains of so many threads a step [s] takes at most."""
+    return min(max(math.ceil(LOAD * (links * step) ** 2 / LEFT), LEAST), MOST)
+
+
 @unit
 def limit_down(g, team, substep, substeps, step):
     """Keep threads along a thread of the team's columns from getting too long, from the first row to the last."""
     lo, hi = share(0, g.columns, team)
     links = g.rows - 1
     first, last = 0, links
-    for _ in range(SWEEPS):
+    for _ in range(sweeps_over(links, step)):
         begin, end, row = links, 0, first
         while row < last:
             start = row * g.columns
@@ -66,9 +77,10 @@ def limit_down(g, team, substep, substeps, step):
 def limit_across(g, team, substep, substeps, step):
     """Keep threads along a thread of the team's rows from getting too long."""
     lo, hi = share(0, g.rows, team)
+    sweeps = sweeps_over(g.columns - 1, step)
     for row in range(lo, hi):
         start, end = row * g.columns, (row + 1) * g.columns - 1
-        for _ in range(SWEEPS):
+        for _ in range(sweeps):
             if not _exceeds(g, 0, start, end, 1):
                 break
             _shorten_every_other(g, start, end)
