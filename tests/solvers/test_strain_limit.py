@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cape import XPBD, Fabric, Scene, Simulation, SymplecticEuler, attach
 from cape.assembly.springs import springs_of
 from cape.cloth.fabrics import FABRICS
-from cape.kernels.solve.strain_limit import SLACK, Limited, limit_across, limit_down
+from cape.kernels.solve.strain_limit import LEAST, RETURN, SLACK, Limited, limit_across, limit_down
 from cape.kernels.state import State
 from cape.kernels.team import Team
 from motions.errors import ValueRangeError
@@ -21,6 +21,7 @@ from tests.support.scenes import Run, every_solver, grid_cloth, mesh_cloth
 FloatArray = NDArray[np.float64]
 
 FRAME = 1 / 60  # s
+STEP = 5e-3  # s, in which a thread may be taken back by 15 mm
 FLOATING = (0.0, 0.0, 0.0)
 # Threads without any force of their own to speak of, for what the limit alone does.
 LIMP = Fabric(
@@ -43,7 +44,7 @@ class Threads:
 
     def limit(self) -> None:
         for unit in (limit_down, limit_across):
-            unit(self._limited, Team.alone(len(self.mass)), 0, 1, 1e-3)
+            unit(self._limited, Team.alone(len(self.mass)), 0, 1, STEP)
 
     @property
     def x(self) -> FloatArray:
@@ -105,6 +106,17 @@ def test_a_free_pair_keeps_its_momentum_and_its_center(rows: int):
     assert parting > 1.0
     assert (threads.v[1] - threads.v[0]) @ along == pytest.approx(0.0, abs=1e-14)
     assert before - threads.kinetic == pytest.approx(0.5 * 0.0075 * parting**2, rel=1e-12)
+
+
+def test_no_thread_is_taken_back_faster_than_contact_moves_vertices():
+    threads = Threads([np.zeros(3), 0.2 * ALONG], 0.0, [np.inf, 0.02], 2, 0.1)
+    sweeps = 0.1 / (RETURN * STEP)
+    assert sweeps < LEAST
+    threads.limit()
+    assert threads.lengths[0].item() == pytest.approx(0.1, rel=1e-14)
+    threads = Threads([np.zeros(3), 1.0 * ALONG], 0.0, [np.inf, 0.02], 2, 0.1)
+    threads.limit()
+    assert threads.lengths[0].item() == pytest.approx(1.0 - LEAST * RETURN * STEP, rel=1e-14)
 
 
 def test_what_is_held_at_both_ends_stays_as_it_is():
@@ -247,7 +259,7 @@ def test_warp_and_weft_are_limited_by_their_own(stretched: tuple[float, ...], en
     cloth = grid_cloth([0.0, 0.1], [0.0, 0.1], replace(LIMP, strain_limit=(0.02, 0.1)))
     cloth = replace(cloth, positions=cloth.positions * stretched)
     run = Run(Scene(cloth, gravity=FLOATING, strain_limit=True), EULER)
-    run.step(1e-4, 1)
+    run.step(STEP, 1)
     first, second = run.positions[list(ends)]
     assert np.linalg.norm(second - first) == pytest.approx(0.1 * (1.0 + limit), rel=1e-9)
 

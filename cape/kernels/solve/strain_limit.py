@@ -4,7 +4,8 @@ Provot 1995, "Deformation constraints in a mass-spring model to describe rigid c
 thread that is too long back to its longest; Bridson, Fedkiw and Anderson 2002, "Robust treatment of collisions, contact
 and friction for cloth animation", section 4.2, take by impulses the velocity that makes it longer. Here both is done,
 once a step has moved the cloth: the ends lose the velocity with which they part, as in an inelastic collision, which
-keeps momentum and never adds kinetic energy; and what the thread is too long by is taken back without any velocity.
+keeps momentum and never adds kinetic energy; and what the thread is too long by is taken back without any velocity, no
+faster than contact moves a vertex: what limbs hold fast is not torn through them.
 
 Threads down the columns come first, row after row from where a garment is held, so that one sweep takes a tug at the
 top to the hem, in all columns side by side. Threads along the rows follow, every other one first. What one thread gives
@@ -31,6 +32,7 @@ Array = NDArray[np.floating]
 LOAD = 1e3  # m/s2
 LEFT = 3.5e-3  # m
 LEAST, MOST = 10, 100
+RETURN = 3.0  # m/s at most at which a sweep takes a thread back, as contact moves vertices out of colliders
 SLACK = 1e-4  # of its longest, by which a thread that is too long is left alone
 
 
@@ -64,7 +66,7 @@ def limit_down(g, team, substep, substeps, step):
         while row < last:
             start = row * g.columns
             if _exceeds(g, 1, start + lo, start + hi, g.columns):
-                _shorten(g, 1, start + lo, start + hi, g.columns)
+                _shorten(g, 1, start + lo, start + hi, g.columns, RETURN * step)
                 begin, end = min(begin, row), row + 1
                 last = max(last, min(row + 2, links))
             row += 1
@@ -83,8 +85,8 @@ def limit_across(g, team, substep, substeps, step):
         for _ in range(sweeps):
             if not _exceeds(g, 0, start, end, 1):
                 break
-            _shorten_every_other(g, start, end)
-            _shorten_every_other(g, start + 1, end)
+            _shorten_every_other(g, start, end, RETURN * step)
+            _shorten_every_other(g, start + 1, end, RETURN * step)
 
 
 @routine
@@ -97,25 +99,25 @@ def _exceeds(g, family, start, end, offset):
 
 
 @routine
-def _shorten(g, family, start, end, offset):
+def _shorten(g, family, start, end, offset, most):
     """Shorten threads of a family that begin at vertices start to end, and end `offset` on."""
     s, w, lo, hi = g.state, g.inverse_mass, start + offset, end + offset
     shorten(
         s.x[start:end], s.y[start:end], s.z[start:end], s.vx[start:end], s.vy[start:end], s.vz[start:end], w[start:end],
         s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], w[lo:hi],
-        g.longest[family, start:end],
+        g.longest[family, start:end], most,
     )  # fmt: skip
 
 
 @routine
-def _shorten_every_other(g, start, end):
+def _shorten_every_other(g, start, end, most):
     """Shorten every other thread to the right of those that begin at vertices start to end."""
     s, w, lo, hi = g.state, g.inverse_mass, start + 1, end + 1
     shorten(
         s.x[start:end:2], s.y[start:end:2], s.z[start:end:2],
         s.vx[start:end:2], s.vy[start:end:2], s.vz[start:end:2], w[start:end:2],
         s.x[lo:hi:2], s.y[lo:hi:2], s.z[lo:hi:2], s.vx[lo:hi:2], s.vy[lo:hi:2], s.vz[lo:hi:2], w[lo:hi:2],
-        g.longest[0, start:end:2],
+        g.longest[0, start:end:2], most,
     )  # fmt: skip
 
 
@@ -131,13 +133,14 @@ def exceeds(x0, y0, z0, x1, y1, z1, longest):
 
 
 @kernel
-def shorten(x0, y0, z0, vx0, vy0, vz0, w0, x1, y1, z1, vx1, vy1, vz1, w1, longest):
+def shorten(x0, y0, z0, vx0, vy0, vz0, w0, x1, y1, z1, vx1, vy1, vz1, w1, longest, most):
     """Bring threads from 0 to 1 [m] that are longer than their longest [m] back to that, and stop their stretching.
 
-    Velocities [m/s] and inverse masses w [1/kg] are of their ends. What two held ends stretch stays as it is.
+    Each is shortened by at most `most` [m]. Velocities [m/s] and inverse masses w [1/kg] are of their ends. What
+    two held ends stretch stays as it is.
     """
     number = longest.dtype.type
-    bound, one, none = number((1.0 + SLACK) ** 2), number(1.0), number(0.0)
+    bound, one, none, far = number((1.0 + SLACK) ** 2), number(1.0), number(0.0), number(most)
     for k in range(longest.size):
         dx, dy, dz = x1[k] - x0[k], y1[k] - y0[k], z1[k] - z0[k]
         squared, both = dx * dx + dy * dy + dz * dz, w0[k] + w1[k]
@@ -146,7 +149,7 @@ def shorten(x0, y0, z0, vx0, vy0, vz0, w0, x1, y1, z1, vx1, vy1, vz1, w1, longes
         parting = max((vx1[k] - vx0[k]) * dx + (vy1[k] - vy0[k]) * dy + (vz1[k] - vz0[k]) * dz, none) / length
         # Of each end for its inverse mass, per length along the thread.
         scale = one / (both * length)
-        moved, slowed = scale * (length - longest[k]), scale * parting
+        moved, slowed = scale * min(length - longest[k], far), scale * parting
         m0, m1, s0, s1 = w0[k] * moved, -w1[k] * moved, w0[k] * slowed, -w1[k] * slowed
         x0[k] = fused(m0, dx, x0[k]) if acts else x0[k]
         y0[k] = fused(m0, dy, y0[k]) if acts else y0[k]
