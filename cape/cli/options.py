@@ -149,6 +149,9 @@ def cut(
             help="Keep the cape from passing through itself; by default where its folds meet.",
         ),
     ] = None,
+    strain_limit: Annotated[
+        bool, typer.Option(help="Let no thread stretch further than its fabric allows, 4 % if woven.")
+    ] = True,
 ) -> "Cut":
     """The cape and how to simulate it."""
     from cape.cli.commands.replay import Cut
@@ -165,4 +168,5 @@ def cut(
         wind=wind,
         cuts=cuts,
         self_contact=self_contact,
+        strain_limit=strain_limit,
     )

@@ -9,6 +9,11 @@ import numpy as np
 from motions.errors import ValueRangeError
 
 PerThread = float | tuple[float, float]
+PER_THREAD = ("stretch", "bend", "strain_limit")  # what may be a pair
+
+WOVEN = 0.04  # strain that woven threads don't go beyond
+DROP = 1.2  # m of cloth that hang by a thread
+GRAVITY = 9.81  # m/s2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +44,8 @@ class Fabric:
             ratio damping_time w / 2, so that the shape of the motion stays and only the rattle of the threads goes.
         bend_damping_time: the same for bending [s]; like any force on second differences it also brakes, a little, a
             bent cloth that turns as a whole.
+        strain_limit: what no thread is strained beyond in a scene that limits strain, one number or (warp, weft); None
+            for `WOVEN`, or twice what a drop of 1.2 m strains by its own weight where that is more.
     """
 
     density: float = 0.2
@@ -47,6 +54,7 @@ class Fabric:
     bend: PerThread = 1e-5
     damping_time: float = 1e-5
     bend_damping_time: float = 2e-3
+    strain_limit: PerThread | None = None
 
     def __post_init__(self) -> None:
         """Refuse values that no fabric has, and make a pair a tuple of two floats.
@@ -55,7 +63,7 @@ class Fabric:
             ValueRangeError: a value is negative, not finite, or zero where it must not be, or no number nor such a
                 pair as may stand there.
         """
-        for name in ("stretch", "bend"):
+        for name in PER_THREAD:
             if np.ndim(given := getattr(self, name)) > 0:
                 object.__setattr__(self, name, _pair(name, given))
         for name in ("density", "stretch"):
@@ -64,6 +72,8 @@ class Fabric:
         for name in ("shear", "bend", "damping_time", "bend_damping_time"):
             if not all(0.0 <= value < float("inf") for value in self._numbers(name)):
                 raise ValueRangeError(f"fabric {name} must be zero or more and finite, not {getattr(self, name)}")
+        if self.strain_limit is not None and not all(0.0 < v < float("inf") for v in self._numbers("strain_limit")):
+            raise ValueRangeError(f"fabric strain_limit must be positive and finite, not {self.strain_limit}")
 
     def _numbers(self, name: str) -> tuple[float, ...]:
         """A property as a tuple of floats.
@@ -72,7 +82,7 @@ class Fabric:
             ValueRangeError: it is something else.
         """
         given: Any = getattr(self, name)
-        if name in ("stretch", "bend") and np.ndim(given) > 0:
+        if name in PER_THREAD and np.ndim(given) > 0:
             return given
         try:
             return (float(given + 0.0),)
@@ -88,6 +98,19 @@ class Fabric:
     def stretch_weft(self) -> float:
         """Tension per width and strain along the weft [N/m]."""
         return _of_threads(self.stretch)[1]
+
+    @property
+    def limit_warp(self) -> float:
+        """Strain that no thread along the warp goes beyond, where a scene limits it."""
+        return self._usual_limit(self.stretch_warp) if self.strain_limit is None else _of_threads(self.strain_limit)[0]
+
+    @property
+    def limit_weft(self) -> float:
+        """Strain that no thread along the weft goes beyond, where a scene limits it."""
+        return self._usual_limit(self.stretch_weft) if self.strain_limit is None else _of_threads(self.strain_limit)[1]
+
+    def _usual_limit(self, stretch: float) -> float:
+        return max(WOVEN, 2.0 * self.density * GRAVITY * DROP / stretch)
 
     @property
     def bend_warp(self) -> float:

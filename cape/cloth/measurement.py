@@ -125,6 +125,8 @@ def by_arcsim(
             stretch=conversions.held_stretch(warp.stretch_warp, weft.stretch_weft, weft.shear),
             shear=weft.shear,
             bend=(bend_warp, bend_weft),
+            # What is as stiff as here only when strained is a knit: it gives as far as it was measured.
+            strain_limit=conversions.ROWS_STRAINED_BY if strain > 0.0 else None,
         ),
         material=material,
         source=source,

@@ -20,8 +20,11 @@ are held at, with s as f and ds as d, less what their dampers dissipate.
 
 *Contact* by impulses, as a step notes it itself, takes a vertex from v' and x' to v1 and x1: it stops the vertex, rubs
 on it, and moves it out of a shape, or back to where its tether reaches, by p = x1 - x' - h (v1 - v') besides. Its work
-is m (v1 - v') . u - f . p, none on a vertex at rest, whatever presses it. Where an implicit step finds contact forces
-along with all others the whole of w is contact's.
+is m (v1 - v') . u - f . p, none on a vertex at rest, whatever presses it. A *limit* of strain, which is noted before
+contact, does such work likewise. Its impulses between vertices add up to nothing, so that what holds the cloth gave P =
+sum m (v' - v) to the free; P times the mean way of all that is held, over h, was therefore done by the attachments, and
+not by the limit. That is exact where all that is held moves alike. Where an implicit step finds contact forces along
+with all others the whole of w is contact's.
 
 All that is left of the w of free vertices is *numerical*: what the method itself adds or loses. It vanishes with the
 step. With linear forces it is h/2 (f0 . v0 - f1 . v1) for symplectic Euler, where m (v1 - v0) = h f0 and
@@ -39,7 +42,8 @@ that hold the cloth add to P what they give.
 
 Summed over all vertices, and with minus the damping's work as what is dissipated,
 
-    change of kinetic + elastic + potential = attachments + contacts + air - damping + numerical + moved + residual
+    change of kinetic + elastic + potential
+        = attachments + contacts + limit + air - damping + numerical + moved + residual
 
 The work of f is taken from the solvers' own forces, elastic and potential energy from their definition
 (`measure.energy`). So the *residual* closes the books: it is what Simpson's rule misses of an energy's difference along
@@ -66,7 +70,7 @@ from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
 
-ATTACHMENTS, CONTACTS, AIR, DAMPING, NUMERICAL, MOVED = range(6)
+ATTACHMENTS, CONTACTS, AIR, DAMPING, NUMERICAL, MOVED, LIMIT = range(7)
 
 TOGETHER = 16_384  # vertices times steps that are looked at in one go: so much fits the processor's cache
 
@@ -86,6 +90,7 @@ class Balance:
         damping: what the springs' damping has dissipated, also of those that hold the cloth softly.
         numerical: what the method of integration has added; below zero what it has dissipated.
         moved: what was changed between frames: by jumps of the bones, or `Simulation.disturb`.
+        limit: work done on it by the limit of its strain; below zero what that has taken away.
     """
 
     times: FloatArray
@@ -98,6 +103,7 @@ class Balance:
     damping: FloatArray
     numerical: FloatArray
     moved: FloatArray
+    limit: FloatArray
 
     @property
     def total(self) -> FloatArray:
@@ -107,7 +113,7 @@ class Balance:
     @property
     def residual(self) -> FloatArray:
         """The change of the total that no term accounts for [J], shape (F,)."""
-        done = self.attachments + self.contacts + self.air - self.damping + self.numerical + self.moved
+        done = self.attachments + self.contacts + self.air - self.damping + self.numerical + self.moved + self.limit
         return self.total - self.total[0] - done
 
     @property
@@ -162,7 +168,7 @@ class Ledger:
             origin: that positions refer to, in the world [m], shape (3,).
             sweeps: whether its springs act by impulses of sweeps over them (`Solver.sweeps`).
         """
-        self._times, self._sums, self._sweeps = [0.0], [np.zeros(6)], sweeps
+        self._times, self._sums, self._sweeps = [0.0], [np.zeros(7)], sweeps
         self._energies = [energy_of(assembly, state, origin)]
 
     def enter(self, assembly: Assembly, before: State, origin: FloatArray, journal: Journal, duration: float) -> None:
@@ -187,15 +193,17 @@ class Ledger:
         self._energies.append(energy_of(assembly, State(*journal.ended[-1]), origin))
 
     def _work_of(self, assembly: Assembly, begin: FloatArray, journal: Journal, h: float) -> FloatArray:
-        """What the terms gain in a frame that starts at the state `begin` (6, N) with steps of `h` [s], shape (6,)."""
+        """What the terms gain in a frame that starts at the state `begin` (6, N) with steps of `h` [s], shape (7,)."""
         if self._forces is None or self._forces.assembly.springs is not assembly.springs:
             self._forces = _Forces(assembly)
-        sums, count = np.zeros(6), max(1, TOGETHER // begin.shape[1])
+        sums, count = np.zeros(7), max(1, TOGETHER // begin.shape[1])
         for first in range(0, len(journal.ended), count):
             some = slice(first, first + count)
             integrated, ended = (states[some].astype(float) for states in (journal.integrated, journal.ended))
             goals = None if journal.goals is None else journal.goals[first : first + len(ended) + 1]
-            sums += self._work_of_steps(assembly, begin, integrated, ended, journal.pressed[some], goals, h)
+            limited = None if journal.limited is None else journal.limited[some].astype(float)
+            pressed = journal.pressed[some]
+            sums += self._work_of_steps(assembly, begin, integrated, limited, ended, pressed, goals, h)
             begin = ended[-1]
         return sums
 
@@ -204,6 +212,7 @@ class Ledger:
         assembly: Assembly,
         begin: FloatArray,
         integrated: FloatArray,
+        limited: FloatArray | None,
         ended: FloatArray,
         pressed: NDArray[np.bool_],
         goals: FloatArray | None,
@@ -226,14 +235,27 @@ class Ledger:
         mean = 0.5 * (begun[:, 3:] + ended[:, 3:])
         damped, blown = h * _dots(damping, mean), h * _dots(air, mean)
         left = mass * _dots(gained, mean) - _dots(conservative, moved) - damped - blown
-        kicked = ended[:, 3:] - integrated[:, 3:]
-        pushed = ended[:, :3] - integrated[:, :3] - h * kicked
-        touched = mass * _dots(kicked, mean) - _dots(conservative, pushed)
-        touched = np.where(held, 0.0, np.where(pressed, left, touched)).sum()
+
+        def work_between(earlier: FloatArray, later: FloatArray) -> FloatArray:
+            """What impulses do that take vertices from one state to another within a step."""
+            kicked = later[:, 3:] - earlier[:, 3:]
+            pushed = later[:, :3] - earlier[:, :3] - h * kicked
+            return np.where(held, 0.0, mass * _dots(kicked, mean) - _dots(conservative, pushed))
+
         # A bone gives what it does on goals, of which dampers keep what they don't pass on to the cloth.
         springs, dampers, way = _soft_hold(assembly, goals, 0.5 * (begun + ended))
         given_to_springs, dissipated = np.sum((springs + dampers) * way), np.sum(dampers * way) - damped.sum()
-        attachments = left[:, held].sum()
+        attachments, kept = left[:, held].sum(), np.zeros_like(left)
+        touched = work_between(integrated if limited is None else limited, ended)
+        limit = 0.0
+        if limited is not None:
+            kept = work_between(integrated, limited)
+            limit = kept.sum()
+            if held.any():
+                given = (mass * (limited[:, 3:] - integrated[:, 3:]))[:, :, ~held].sum(axis=2)
+                pulled = (given * moved[:, :, held].mean(axis=2)).sum() / h
+                attachments, limit = attachments + pulled, limit - pulled
+        touched = np.where(pressed & ~held, left - kept, touched).sum()
         if self._sweeps and held.any():
             weight = self._forces.weight
             given = integrated[:, 3:] - begun[:, 3:]
@@ -241,9 +263,9 @@ class Ledger:
             impulse += h * (springs + dampers).sum(axis=2)
             stretched = h * (conservative - weight + damping)[:, :, held].sum(axis=2)
             attachments -= ((impulse - stretched) * moved[:, :, held].mean(axis=2)).sum() / h
-        sums = np.zeros(6)
+        sums = np.zeros(7)
         sums[ATTACHMENTS], sums[CONTACTS] = attachments + given_to_springs, touched
-        sums[NUMERICAL] = left.sum() - attachments - touched
+        sums[LIMIT], sums[NUMERICAL] = limit, left.sum() - attachments - touched - limit
         sums[AIR], sums[DAMPING] = blown.sum(), dissipated
         return sums
 

@@ -333,9 +333,10 @@ class Hanging:
     def _blank_journal(self, substeps: int) -> Journal:
         count, dtype = self.state.x.size, self.state.x.dtype
         integrated, ended = np.empty((2, substeps, 6, count), dtype)
+        limited = np.empty_like(ended) if self.assembly.scene.strain_limit else None
         pull = self.assembly.pull
         goals = None if pull is None else np.empty((substeps + 1, 6, pull.stiffness.size))
-        return Journal(integrated, ended, np.empty((substeps, count), np.bool_), goals)
+        return Journal(integrated, limited, ended, np.empty((substeps, count), np.bool_), goals)
 
     def note_lift(self, duration: float) -> None:
         """Note how far what bones hold has drifted out of colliders in a frame of `duration` [s]."""

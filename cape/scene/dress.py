@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from cape.cloth.cloth import GridCloth
 from cape.cloth.fabric import Fabric
 from cape.garments import registry
 from cape.garments.base import Measures
@@ -32,6 +33,7 @@ def dress(
     colliders: Sequence[Collider] | None = None,
     wind: Wind | None = None,
     self_contact: bool | SelfContact | None = None,
+    strain_limit: bool = True,
 ) -> Scene:
     """Cut a cape for a body and build the scene in which it wears it.
 
@@ -48,6 +50,7 @@ def dress(
         wind: the air; None for still air.
         self_contact: whether, or how, layers of the cape are kept from passing through each other; None where the
             garment falls in folds whose layers meet.
+        strain_limit: whether threads stop stretching at the limits of their fabric.
 
     Raises:
         ValueRangeError: a size is out of range.
@@ -67,6 +70,7 @@ def dress(
         wind=wind or Wind(),
         self_contact=_self_contact(worn.layered if self_contact is None else self_contact),
         thickness=Scene.thickness if worn.thickness is None else worn.thickness,
+        strain_limit=strain_limit and isinstance(worn.cloth, GridCloth),
         wearer=(_beginning(body, WEARER_ROLES[0]), _beginning(body, WEARER_ROLES[1]), WEARER_ROLES[2]),
     )
     for bone in scene.bones:

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.cloth.cloth import Cloth
+from cape.cloth.cloth import Cloth, GridCloth
 from cape.scene.attachments import Attachment
 from cape.scene.colliders import Collider
 from cape.scene.self_contact import SelfContact
@@ -41,6 +41,8 @@ class Scene:
         wearer: the bones, or their roles, at which the left and the right arm begin, and the pelvis: where a cape is.
         dressing: origin [m] and unit quaternion bone_to_wearer wxyz of each of `bones` in the wearer's frame, where the
             cloth is put on, before they go to where the motion begins; None to put it on there.
+        strain_limit: whether the threads of a grid stop stretching at the limits of their fabric (`Fabric.limit_warp`,
+            `limit_weft`), or follow their stiffness alone.
     """
 
     cloth: Cloth
@@ -54,13 +56,15 @@ class Scene:
     tethers: Tethers | None = None
     wearer: tuple[str, str, str] = WEARER_ROLES
     dressing: Mapping[str, tuple[FloatArray, FloatArray]] | None = None
+    strain_limit: bool = False
 
     def __post_init__(self) -> None:
         """Check what can be checked without bones.
 
         Raises:
             UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
-            ValueRangeError: a vertex is attached twice, two colliders share a name, or a value is out of range.
+            ValueRangeError: a vertex is attached twice, two colliders share a name, a value is out of range, or strain
+                is to be limited in a mesh.
         """
         require_held_once([a.vertices for a in self.attachments if a.within is None])
         require_known(self.colliders)
@@ -72,6 +76,8 @@ class Scene:
             raise ValueRangeError(f"gravity must be three finite numbers, not {self.gravity}")
         if self.tethers is not None and all(attachment.soft for attachment in self.attachments):
             raise ValueRangeError("tethers need vertices that are held hard")
+        if self.strain_limit and not isinstance(self.cloth, GridCloth):
+            raise ValueRangeError("only the threads of a grid have a strain limit: this cloth is a mesh")
         for name in ("friction", "thickness"):
             if not 0.0 <= getattr(self, name) < float("inf"):
                 raise ValueRangeError(f"{name} must be zero or more and finite, not {getattr(self, name)}")

@@ -3,12 +3,13 @@
 A frame begins with the bones (`begin_frame`). In each substep the solver's units move the cloth; then (`end_substep`)
 
 1. the journal notes where that has led;
-2. touching layers of cloth press on each other;
-3. tethers draw in what is too far from where bones hold the cloth;
-4. colliders keep triangles out, then vertices;
-5. bones put the vertices that they hold hard where they belong;
-6. layers of the cloth are kept apart;
-7. the journal notes where that has led.
+2. threads are kept from stretching too far, and the journal notes that;
+3. touching layers of cloth press on each other;
+4. tethers draw in what is too far from where bones hold the cloth;
+5. colliders keep triangles out, then vertices;
+6. bones put the vertices that they hold hard where they belong;
+7. layers of the cloth are kept apart;
+8. the journal notes where that has led.
 
 What a scene lacks is not in the list.
 """
@@ -19,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.cloth.cloth import GridCloth
 from cape.forces.base import Acting, Force
 from cape.kernels.bones import MovingBones, begin_motion, move_on
 from cape.kernels.cloth.grid import GridRoom
@@ -45,9 +47,11 @@ from cape.kernels.solve.journal import (
     note_first_goals,
     note_goals,
     note_integrated,
+    note_limited,
     note_pressed,
 )
 from cape.kernels.solve.soft import Aiming, aim_pull
+from cape.kernels.solve.strain_limit import Limited, limit_across, limit_down
 from cape.kernels.solve.tethers import Tethered, keep_tethered
 from cape.solvers.running import Thread
 
@@ -133,6 +137,7 @@ def end_substep(
             uses.append(Use(note_goals, NotingGoals(assembly.pull, thread.journal)))
         if not pressing:
             uses.append(Use(note_pressed, NotingForces(thread.journal, force, contacts.pressure)))
+    uses += _limit_strain(thread)
     if contacts.pressure is not None and pressing:
         uses.append(Use(press, Pressed(running.state, contacts.pressure)))
     if assembly.tethers is not None and assembly.attached is not None:
@@ -152,6 +157,18 @@ def end_substep(
         uses += wait(thread)
     if thread.journal is not None:
         uses.append(Use(note_end, Noting(running.state, thread.journal)))
+    return uses
+
+
+def _limit_strain(thread: Thread) -> list[Use]:
+    """Keep threads from stretching too far, those along columns, then those along rows; contact has the last word."""
+    running, cloth = thread.running, thread.running.assembly.cloth
+    if running.longest is None or not isinstance(cloth, GridCloth):
+        return []
+    limited = Limited(running.state, thread.inverse_mass, running.longest, cloth.rows, cloth.columns)
+    uses = [*wait(thread), Use(limit_down, limited), *wait(thread), Use(limit_across, limited), *wait(thread)]
+    if thread.journal is not None:
+        uses.append(Use(note_limited, Noting(running.state, thread.journal)))
     return uses
 
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.assemble import Assembly
+from cape.assembly.assemble import Assembly, longest_threads
 from cape.assembly.contact import Contacts
 from cape.kernels.bones import Motion, MotionRoom
 from cape.kernels.solve.journal import Journal
@@ -19,6 +19,7 @@ class Running:
         assembly: the scene's arrays.
         state: of the vertices, which steps change in place.
         arrays: the solver's own.
+        longest: that threads may get [m], shape (2, N); None where nothing limits strain.
         motion: of the bones in a frame, filled anew for each.
         duration: of that frame [s], shape (1,).
         frames: programs that were made, by number of threads.
@@ -27,6 +28,7 @@ class Running:
     def __init__(self, assembly: Assembly, state: State, arrays: Any) -> None:
         """Hold the arrays; programs are made with the first step."""
         self.assembly, self.state, self.arrays = assembly, state, arrays
+        self.longest = longest_threads(assembly, state.x.dtype.type)
         bones = len(assembly.scene.bones) + 1
         self.motion = Motion(*(np.zeros((bones, size)) for size in (3, 4, 3, 4)))
         self.duration = np.zeros(1)

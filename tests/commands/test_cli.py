@@ -170,6 +170,12 @@ def test_self_contact_is_told_in_the_summary(once):
     assert "layers of the cape stay 5.0 mm apart" in done.stdout
 
 
+def test_no_thread_stretches_further_than_its_fabric_allows_unless_asked(once):
+    spin = ("replay", "spin", "--start", "0.8", "--end", "1.3", "-o", "out.rrd", "--spacing", "0.05")
+    limited, free = (once.facts(*spin, *more)["stretch_max"] for more in ((), ("--no-strain-limit",)))
+    assert limited < 0.06 < 0.1 < free
+
+
 def test_options_reach_the_simulation(once, plain):
     usual, _ = plain
     coarse = once.facts(*DENIM)

@@ -49,6 +49,7 @@ def run(more):
         tethers=cape.Tethers() if more == "tethers" else None,
         wind=cape.Wind() if more == "wind" else None,
         self_contact=cape.SelfContact() if more == "self-contact" else None,
+        strain_limit=more == "strain limit",
     )
     solver = {"xpbd": cape.XPBD(), "implicit": cape.BackwardEuler(precision="single")}
     chosen = solver.get(more, cape.SymplecticEuler(precision="single"))
@@ -96,6 +97,7 @@ OWN = {
     "blend": {"lift_attached", "hold_attached"},  # the same for several bones a vertex
     "tethers": {"keep_tethered"},
     "soft": {"aim_pull", "pull_vertices"},
+    "strain limit": {"limit_down", "limit_across"},
     "thread": {"wait_for_all"},
     "xpbd": {"fall_all", "drift_all", "prepare_grid", "solve_grid", "aim_attached"},
     "implicit": {

@@ -26,6 +26,7 @@ from cape import (
     simulate,
 )
 from cape.assembly.springs import springs_of
+from cape.kernels.solve.strain_limit import SLACK
 from cape.scene.standard_scenes import frame_times, track_of
 from motions.errors import ValueRangeError
 from tests.support.scenes import grid_cloth, mesh_cloth, turn_about
@@ -180,6 +181,25 @@ def test_the_air_takes_what_a_falling_sheet_loses_and_gives_what_it_blows(solver
     assert blown.air[-1] > 0.1 * 0.5 * 0.2 * 0.06 * 5.0**2
 
 
+@pytest.mark.parametrize("solver", [EULER, SWEEPS], ids=lambda s: s.name)
+def test_a_limit_takes_what_stops_at_the_end_of_its_thread(solver: Solver):
+    # Limp threads: nothing but their limit stops the free half of a sheet, all at once.
+    limp = dataclasses.replace(SOFT, stretch=1e-6, shear=0.0, bend=0.0, strain_limit=0.05)
+    cloth = grid_cloth([0.0, 0.1, 0.2], [0.0, 0.2], limp)
+    drop = 0.05 * 0.2
+    balance = run(Scene(cloth, [attach(cloth, "hand", range(3))], strain_limit=True), at(solver, 200), [STILL] * 8)
+    weight = 0.2 * 0.04 / 2 * G
+    assert balance.limit[2] == 0.0
+    # Half of a step's way more or less, 1/2 of 200 in 2.7 frames.
+    assert balance.limit[-1] == pytest.approx(-weight * drop, rel=5e-3)
+    # It then falls by the slack again and again.
+    slack = weight * SLACK * 1.05 * 0.2
+    assert np.diff(balance.limit).max() <= slack
+    assert balance.kinetic[-1] <= slack
+    np.testing.assert_allclose(balance.contacts, 0.0, atol=1e-15)
+    assert balance.gap < 1e-6
+
+
 # -- the method's own part --
 
 
@@ -225,7 +245,9 @@ def test_what_tr_bdf2_loses_is_of_third_order():
 def busy(kind: str = "grid") -> tuple[Scene, list[Pose]]:
     """A cloth that is swung and turned through the air and against a ball."""
     fabric = Fabric(density=0.2, stretch=200.0, shear=40.0, bend=1e-4, damping_time=1e-4)
-    make = grid_cloth if kind in ("grid", "layers") else mesh_cloth
+    if kind == "limited":
+        fabric = dataclasses.replace(fabric, strain_limit=0.02)
+    make = grid_cloth if kind in ("grid", "layers", "limited") else mesh_cloth
     cloth = make(np.linspace(0, 0.3, 9), np.linspace(0, 0.4, 11), fabric)
     if kind == "membrane":
         # With its threads at an angle to the edges.
@@ -238,6 +260,7 @@ def busy(kind: str = "grid") -> tuple[Scene, list[Pose]]:
         [Sphere(center=np.array([0.15, 0.12, -0.3]), radius=0.1)],
         wind=Wind(velocity=(0.0, 1.0, 0.0)),
         self_contact=SelfContact() if kind == "layers" else None,
+        strain_limit=kind == "limited",
     )
     angles = 2 * np.pi * frame_times(0.5)
     poses = [
@@ -249,7 +272,15 @@ def busy(kind: str = "grid") -> tuple[Scene, list[Pose]]:
 
 @pytest.mark.parametrize(
     ("solver", "kind"),
-    [*((s, "grid") for s in EVERY), (EULER, "mesh"), (SWEEPS, "mesh"), (EULER, "layers")]
+    [
+        *((s, "grid") for s in EVERY),
+        (EULER, "limited"),
+        (SWEEPS, "limited"),
+        (TRAPEZOID, "limited"),
+        (EULER, "mesh"),
+        (SWEEPS, "mesh"),
+        (EULER, "layers"),
+    ]
     + [(s, "membrane") for s in EVERY],
     ids=lambda value: getattr(value, "name", value),
 )
@@ -260,6 +291,7 @@ def test_the_balance_closes(solver: Solver, kind: str):
     for term in (balance.attachments, balance.contacts, balance.air, balance.damping):
         assert np.abs(term).max() > 1e-3 * balance.exchanged
     assert (np.diff(balance.damping) > 0.0).all()
+    assert (np.abs(balance.limit).max() > 1e-3 * balance.exchanged) == (kind == "limited")
     # Forces are the gradients of energies: what is left is of fifth order in the way of a step.
     assert balance.gap < 1e-6
 

@@ -51,6 +51,7 @@ class Cut:
     wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
     cuts: str = "carry"
     self_contact: bool | None = None
+    strain_limit: bool = True
 
     def scene(self, who: Character) -> Scene:
         """The cape on a character.
@@ -68,6 +69,7 @@ class Cut:
             colliders=who.hitboxes.solids,
             wind=Wind(velocity=self.wind),
             self_contact=self.self_contact,
+            strain_limit=self.strain_limit,
         )
 
     def check(self) -> None:

@@ -13,11 +13,13 @@ from cape.kernels.state import State
 
 class Journal(NamedTuple):
     """Room for a frame of S substeps, positions [m] and velocities [m/s]: `integrated` (S, 6, N) as each has moved the
-    vertices, `ended` (S, 6, N) as impulses of contact have then left them; and `pressed` (S, N), where contact forces
-    had a part in the former. `goals` (S + 1, 6, n) are those of springs that hold n vertices, with their velocities, at
-    the frame's start and the end of each substep; None without any."""
+    vertices, `limited` (S, 6, N) as a limit of strain has then left them, None where there is none, `ended` (S, 6, N)
+    as impulses of contact have; and `pressed` (S, N), where contact forces had a part in the first. `goals`
+    (S + 1, 6, n) are those of springs that hold n vertices, with their velocities, at the frame's start and the end of
+    each substep; None without any."""
 
     integrated: NDArray[np.floating]
+    limited: NDArray[np.floating] | None
     ended: NDArray[np.floating]
     pressed: NDArray[np.bool_]
     goals: NDArray[np.float64] | None = None
@@ -50,6 +52,12 @@ def note_integrated(g, team, substep, substeps, step):
     """Note vertices as a substep has moved them, on which no contact forces act yet."""
     copy_state(team.lo, team.hi, g.state, g.journal.integrated[substep])
     g.journal.pressed[substep, team.lo : team.hi] = False
+
+
+@unit
+def note_limited(g, team, substep, substeps, step):
+    """Note vertices as a limit of strain has left them."""
+    copy_state(team.lo, team.hi, g.state, g.journal.limited[substep])
 
 
 @unit
