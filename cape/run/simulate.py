@@ -101,7 +101,9 @@ def simulate(
         result = f"stopped at frame {frames.count}"
 
     take = frames.take(name, times, reach)
-    notes = trouble + notes_on(simulation, take, cuts) + warnings_of(take)
+    fabric = scene.cloth.fabric
+    limit = max(fabric.limit_warp, fabric.limit_weft) if scene.strain_limit else 0.0
+    notes = trouble + notes_on(simulation, take, cuts) + warnings_of(take, limit=limit)
     if notes and result == "finished":
         result = "finished with warnings"
     return replace(take, result=result, warnings=tuple(notes))
