@@ -48,11 +48,11 @@ class Threads:
 
     @property
     def x(self) -> FloatArray:
-        return np.stack(self._state[:3], axis=1)
+        return np.asarray(np.stack(self._state[:3], axis=1), dtype=float)
 
     @property
     def v(self) -> FloatArray:
-        return np.stack(self._state[3:], axis=1)
+        return np.asarray(np.stack(self._state[3:], axis=1), dtype=float)
 
     @property
     def kinetic(self) -> float:
