@@ -9,19 +9,18 @@ FloatArray = NDArray[np.float64]
 
 NOTABLE_PENETRATION = 0.005  # m
 NOTABLE_STRETCH = 0.1
-BEYOND_LIMIT = 1.5  # times what a fabric allows: contact has the last word, and may stretch a thread beyond it
 STUCK_DEPTH = 0.001  # m; a vertex that rests on a collider without thickness is in it by less
 STUCK_FRAMES = 10  # in a row
 NAMED_VERTICES = 5
 
 
-def warnings_of(take: Take, *, limit: float = 0.0) -> list[str]:
-    """All that is worth a look in a take, of cloth whose fabric allows some strain of its threads, 0 for no limit."""
+def warnings_of(take: Take) -> list[str]:
+    """All that is worth a look in a take."""
     return [
         *penetration_warnings(take),
         *stuck_warnings(take),
         *reach_warnings(take),
-        *stretch_warnings(take.stretch_max, notable=max(NOTABLE_STRETCH, BEYOND_LIMIT * limit)),
+        *stretch_warnings(take.stretch_max),
     ]
 
 
@@ -87,9 +86,9 @@ def reach_warnings(take: Take) -> list[str]:
     return warnings
 
 
-def stretch_warnings(strains: FloatArray, *, notable: float = NOTABLE_STRETCH) -> list[str]:
+def stretch_warnings(strains: FloatArray) -> list[str]:
     """Tell of notable stretch; the largest strain of each frame, shape (F,)."""
-    worst, frames = int(strains.argmax()), int((strains > notable).sum())
+    worst, frames = int(strains.argmax()), int((strains > NOTABLE_STRETCH).sum())
     if frames == 0:
         return []
     return [

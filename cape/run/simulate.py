@@ -101,9 +101,7 @@ def simulate(
         result = f"stopped at frame {frames.count}"
 
     take = frames.take(name, times, reach)
-    fabric = scene.cloth.fabric
-    limit = max(fabric.limit_warp, fabric.limit_weft) if scene.strain_limit else 0.0
-    notes = trouble + notes_on(simulation, take, cuts) + warnings_of(take, limit=limit)
+    notes = trouble + notes_on(simulation, take, cuts) + warnings_of(take)
     if notes and result == "finished":
         result = "finished with warnings"
     return replace(take, result=result, warnings=tuple(notes))

@@ -297,7 +297,8 @@ def test_garments_are_listed_and_worn(once):
 
 @pytest.mark.parametrize("name", ["chiffon-weight", "jersey", "leather-weight"])
 def test_a_cape_may_be_of_any_fabric(once, name):
-    facts = once.facts("replay", "walk", "--end", "0.1", "-o", "out.rrd", "--spacing", "0.06", "--fabric", name)
+    worn = ("--garment", "back_cape", "--spacing", "0.06", "--fabric", name)
+    facts = once.facts("replay", "walk", "--end", "0.1", "-o", "out.rrd", *worn)
     assert facts["result"] == "finished"
 
 

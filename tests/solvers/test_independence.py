@@ -118,7 +118,8 @@ def worn(path: Path, *, unit: str | float, found: bool, frames: int, settle: flo
     body = Skeleton.from_clip(clip)
     track = body.track(clip)
     solver = XPBD(precision="double")
-    return cape.simulate(cape.dress(body, track, spacing=0.05), track.first(frames), solver=solver, settle=settle)
+    scene = cape.dress(body, track, garment="back_cape", spacing=0.05, strain_limit=False)
+    return cape.simulate(scene, track.first(frames), solver=solver, settle=settle)
 
 
 @pytest.mark.parametrize("unit", ["m", "mm", "inch"])
@@ -128,7 +129,7 @@ def test_a_motion_in_another_unit_moves_the_same_cape(unit: str, tmp_path: Path)
     # makes some 4e-9 m of it in ten frames, and centimetres in a second: which way it folds is chance.
     np.testing.assert_allclose(other.bones.positions, one.bones.positions, rtol=0.0, atol=1e-14)
     np.testing.assert_allclose(other.positions, one.positions, rtol=0.0, atol=1e-6)
-    assert np.ptp(one.positions, axis=0).max() > 0.2  # m: they have moved
+    assert np.ptp(one.positions, axis=0).max() > 0.3
 
 
 def test_a_motion_in_a_unit_that_rounds_nothing_moves_the_same_cape_to_the_last_bit(tmp_path: Path):
