@@ -1,5 +1,6 @@
 """Frames of a simulation that are taken before they are handed on, so that they can be taken again."""
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,6 +12,8 @@ from cape.run.simulation import Snapshot
 from cape.scene.poses import Bones, Pose, read_pose
 from cape.solvers import Solver
 from motions import quaternions
+
+ROUNDING = 1e-9  # of a frame's length: differences of times of hours are rounded by less
 
 
 class Coming(NamedTuple):
@@ -54,11 +57,11 @@ class Ahead:
         self._next = 0  # that is asked for
 
     def is_next(self, bones: Bones, names: Sequence[str], dt: float) -> bool:
-        """Tell whether a frame is the one that was to come next."""
+        """Tell whether a frame is the one that was to come next, whatever way of reckoning has rounded its length."""
         if self._next >= len(self._coming):
             return False
         told = self._coming[self._next]
-        if dt != told.dt:
+        if not math.isclose(dt, told.dt, rel_tol=ROUNDING):
             return False
         pose = bones if isinstance(bones, Pose) else read_pose(bones, names).without_world()
         return all(np.array_equal(a, b) for a, b in zip(pose, told.pose, strict=True))
