@@ -14,7 +14,7 @@ from cape.run.auto.prediction import APART, SURE, Prediction
 from cape.run.auto.sagging import USUAL_SPEED, Sagging
 from cape.run.step_error import PARTS, Schedule, ScheduledWatch
 from cape.scene.poses import poses_of
-from cape.scene.standard_scenes import StandardScene, draped, swing
+from cape.scene.standard_scenes import StandardScene, draped, flag, swing
 from skeleton.shapes import Sphere
 from tests.support.error_scenes import gentle
 
@@ -105,7 +105,7 @@ def test_frames_taken_ahead_are_those_of_a_run_that_takes_the_same_steps():
 
 
 def test_another_pose_than_was_expected_ends_what_was_taken_ahead():
-    given = draped("sphere", Sphere(center=np.zeros(3), radius=0.3), spacing=0.1, seconds=0.5)
+    given = flag(spacing=0.1, seconds=0.5)
     chosen, plain = AutoSimulation(given.scene, Auto(tolerance=0.003)), Simulation(given.scene)
     poses = poses_of(given.track, chosen.bones)
     moved = Pose(poses[3].positions + 0.01, poses[3].rotations_wxyz)
