@@ -150,7 +150,7 @@ def cut(
         ),
     ] = None,
     strain_limit: Annotated[
-        bool, typer.Option(help="Let no thread stretch further than its fabric allows, 4 % if woven.")
+        bool, typer.Option(help="Hold threads back from stretching further than their fabric allows, 4 % if woven.")
     ] = True,
 ) -> "Cut":
     """The cape and how to simulate it."""

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).parents[2]
 
@@ -20,3 +21,12 @@ def python(script: str, *arguments: str, **environment: str) -> str:
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+def mistake_told(done: Any) -> tuple[list[str], str]:
+    """What a command says before, and the line by which it tells a mistake of the user's; it ends with status 2."""
+    assert done.returncode == 2
+    assert done.stdout == ""
+    *said, line = done.stderr.splitlines()
+    assert line.startswith("cape: ")
+    return said, line
