@@ -67,9 +67,7 @@ def _inside(
     scene: Scene, pose: Pose, collider: Collider, points: FloatArray, what: str, parts: tuple[str, ...]
 ) -> list[Finding]:
     """The finding that points in the world (n, 3) [m] are inside of a collider; none if they are not."""
-    bone = -1 if collider.bone is None else scene.bones.index(collider.bone)
-    in_bone = (points - pose.positions[bone]) @ quaternions.to_matrix(pose.rotations_wxyz[bone])
-    depths = -signed_distance(collider, in_bone)
+    depths = -putting_on.distances_from(collider, scene, pose, points)
     count = int((depths > NOTEWORTHY).sum())
     if not count:
         return []

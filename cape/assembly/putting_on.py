@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cape.kernels.solve.attachments import Attached
 from cape.scene.attachments import Attachment
+from cape.scene.colliders import Collider
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 from motions import quaternions
@@ -199,7 +200,14 @@ def depth_in_colliders(scene: Scene, pose: Pose, points: FloatArray) -> float:
 
 def _distances(scene: Scene, pose: Pose, points: FloatArray) -> Iterator[FloatArray]:
     """Of points in the world [m], shape (n, 3), from each collider [m], negative within, shape (n,)."""
-    for collider in scene.colliders:
-        bone = len(scene.bones) if collider.bone is None else scene.bones.index(collider.bone)
-        in_bone = (points - pose.positions[bone]) @ quaternions.to_matrix(pose.rotations_wxyz[bone])
-        yield signed_distance(collider, in_bone)
+    return (distances_from(collider, scene, pose, points) for collider in scene.colliders)
+
+
+def distances_from(collider: Collider, scene: Scene, pose: Pose, points: FloatArray) -> FloatArray:
+    """Of points in the world [m], shape (n, 3), from a collider [m], negative within, shape (n,).
+
+    The pose is of the scene's bones, and of the world as the last.
+    """
+    bone = len(scene.bones) if collider.bone is None else scene.bones.index(collider.bone)
+    in_bone = (points - pose.positions[bone]) @ quaternions.to_matrix(pose.rotations_wxyz[bone])
+    return signed_distance(collider, in_bone)

@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth
 from cape.measure.wearing import folds, ray_hits
+from cape.results.placed_colliders import PlacedColliders
 from cape.results.take import Take
-from cape.scene.colliders import Collider
 from cape.scene.scene import Scene
-from motions import quaternions
 from motions.errors import UnknownNameError
 
 FloatArray = NDArray[np.float64]
@@ -81,7 +80,7 @@ def _above_ankles(take: Take, hem: FloatArray) -> float | None:
 
 
 def _shoulders_covered(take: Take, joints: Sequence[FloatArray], up: FloatArray) -> float | None:
-    body = [collider for collider in take.colliders if collider.bone is not None]
+    body, placed = _of_the_body(take), PlacedColliders(take)
     if not body:
         return None
     covered = np.ones(len(take.positions), dtype=bool)
@@ -91,29 +90,28 @@ def _shoulders_covered(take: Take, joints: Sequence[FloatArray], up: FloatArray)
         ways = ray_hits(origins, np.broadcast_to(up[frame], origins.shape), corners[None])
         for origin, way in zip(origins, ways, strict=True):
             met = origin + way[np.isfinite(way), None] * up[frame]
-            covered[frame] &= bool((_distances(take, body, np.array([frame]), met[None]) <= CLOSE).any())
+            covered[frame] &= bool((_distances(placed, body, frame, met) <= CLOSE).any())
     return float(covered.mean())
 
 
 def _collar_gaps(take: Take, cloth: Cloth) -> FloatArray | None:
     """Largest distance of the collar's edge from the neck, or from the nearest limb of who has none [m], shape (F,)."""
-    body = [collider for collider in take.colliders if collider.bone is not None]
+    body, placed = _of_the_body(take), PlacedColliders(take)
     if "collar" not in cloth.regions or not body:
         return None
     bones = take.bones.roles
     own = bones.get("neck") if bones.get("neck") != bones.get("head") else None
-    neck = [c for c in body if take.bones.names[take.bones.index(str(c.bone))] == own]
+    neck = [c for c in body if take.bones.names[take.bones.index(str(take.colliders[c].bone))] == own]
     edge = np.intersect1d(cloth.regions["collar"], cloth.regions.get("top", cloth.regions["collar"]))
     places = take.positions[:, edge].astype(float)
-    return _distances(take, neck or body, np.arange(len(places)), places).max(axis=1)
+    return np.array([_distances(placed, neck or body, frame, points).max() for frame, points in enumerate(places)])
 
 
-def _distances(take: Take, colliders: Sequence[Collider], frames: NDArray[np.int64], points: FloatArray) -> FloatArray:
-    """Distances of points (n, m, 3) at n frames from the nearest of colliders on bones [m], shape (n, m)."""
-    least = np.full(points.shape[:2], np.inf)
-    for collider in colliders:
-        bone = take.bones.index(str(collider.bone))
-        turn = quaternions.conjugate(take.bones.rotations_wxyz[frames, bone])[:, None]
-        in_bone = quaternions.rotate(turn, points - take.bones.positions[frames, bone][:, None])
-        least = np.minimum(least, collider.distances(in_bone.reshape(-1, 3)).reshape(least.shape))
-    return least
+def _of_the_body(take: Take) -> list[int]:
+    """The colliders that bones carry."""
+    return [index for index, collider in enumerate(take.colliders) if collider.bone is not None]
+
+
+def _distances(placed: PlacedColliders, colliders: Sequence[int], frame: int, points: FloatArray) -> FloatArray:
+    """Distances of points (n, 3) at a frame from the nearest of some colliders [m], negative within, shape (n,)."""
+    return -np.max([placed.depth(collider, frame, points) for collider in colliders], axis=0)

@@ -11,12 +11,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cape.results.placed_colliders import PlacedColliders
 from cape.results.solid_cores import core
 from cape.results.take import Take
 from cape.scene.colliders import Collider
-from motions import quaternions
 from motions.errors import ValueRangeError
-from skeleton.shapes import require_known
 from skeleton.solid_measures import signed_distance
 
 FloatArray = NDArray[np.float64]
@@ -92,7 +91,7 @@ def penetration(
         raise ValueRangeError(f"the margin must be zero or more and finite, not {margin}")
     chosen, counting = _frames(take, frames), _counted(take, counted)
     vertices, faces = _blank(len(chosen)), _blank(len(chosen))
-    solids = _Solids(take, margin)
+    solids = PlacedColliders(take, margin)
     triangles = np.flatnonzero(counting[take.triangles].all(axis=1))
     vertex_indices = np.flatnonzero(counting)
     for row, frame in enumerate(chosen):
@@ -129,7 +128,7 @@ def crossings(take: Take, *, frames: ArrayLike | None = None, counted: ArrayLike
         UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
     """
     chosen, counting = _frames(take, frames), _counted(take, counted)
-    solids, inner = _Solids(take), [core(solid) for solid in take.colliders]
+    solids, inner = PlacedColliders(take), [core(solid) for solid in take.colliders]
     counts = np.zeros((len(chosen), len(inner)), dtype=np.int64)
     for row, frame in enumerate(chosen):
         if frame == 0:
@@ -161,39 +160,6 @@ def _entered(solid: Collider, before: FloatArray, now: FloatArray) -> int:
         falls = distance(first) > distance(second)
         low, high = np.where(falls, first, low), np.where(falls, high, second)
     return int((np.minimum(distance(low), distance(high)) < 0.0).sum())
-
-
-class _Solids:
-    """The colliders of a take, where its bones have them."""
-
-    def __init__(self, take: Take, margin: float = 0.0) -> None:
-        require_known(take.colliders)
-        self._margin = margin
-        track = take.bones
-        self._solids = take.colliders
-        bones = [None if c.bone is None else track.index(c.bone) for c in take.colliders]
-        self._places = [
-            None if b is None else (track.positions[:, b], quaternions.to_matrix(track.rotations_wxyz[:, b]))
-            for b in bones
-        ]
-
-    def in_bone(self, collider: int, frame: int, points: FloatArray) -> FloatArray:
-        """Bring points in the world (N, 3) [m] into the frame of the collider's bone."""
-        place = self._places[collider]
-        if place is None:
-            return points
-        positions, bone_to_world = place
-        return (points - positions[frame]) @ bone_to_world[frame]
-
-    def depth(self, collider: int, frame: int, points: FloatArray) -> FloatArray:
-        """Depths of points in the world (N, 3) [m] in a collider grown by the margin, shape (N,)."""
-        return self._margin - signed_distance(self._solids[collider], self.in_bone(collider, frame, points))
-
-    def within_reach(self, frame: int, points: FloatArray) -> list[int]:
-        """Colliders that touch the sphere around all points."""
-        middle = points.mean(axis=0)
-        reach = float(np.linalg.norm(points - middle, axis=1).max())
-        return [c for c in range(len(self._solids)) if self.depth(c, frame, middle[None])[0] > -reach]
 
 
 class _FaceSampler:

@@ -10,7 +10,7 @@ from cape.cloth.cloth import GridCloth
 from cape.garments.fitting import Fitted
 from cape.garments.registry import GARMENTS
 from cape.kernels.contact.contact import EXIT
-from cape.measure.crossings import crossings
+from cape.measure.self_crossings import self_crossings
 from motions import quaternions
 from motions.errors import UnknownNameError, ValueRangeError
 from skeleton import Skeleton
@@ -183,5 +183,5 @@ def test_layers_of_a_walker_s_cape_do_not_pass_through_each_other(walker):
         cape.simulate(cape.dress(body, track, self_contact=kept), track).positions[-1] for kept in (None, False)
     )
     triangles = cape.dress(body, track).cloth.triangles
-    assert len(crossings(apart, triangles)) == 0
-    assert len(crossings(through, triangles)) > 0
+    assert len(self_crossings(apart, triangles)) == 0
+    assert len(self_crossings(through, triangles)) > 0

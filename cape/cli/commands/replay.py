@@ -17,7 +17,7 @@ from cape.cli.reading import Reading
 from cape.cli.running import simulated
 from cape.cloth.fabrics import fabric
 from cape.garments import registry
-from cape.measure.crossings import share_crossed
+from cape.measure.self_crossings import share_crossed
 from cape.record import LAYERS
 from cape.record.layers import check_layers
 from cape.results.fit import fit_of

@@ -7,7 +7,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
-def crossings(positions: NDArray[np.floating], triangles: NDArray[np.integer]) -> IntArray:
+def self_crossings(positions: NDArray[np.floating], triangles: NDArray[np.integer]) -> IntArray:
     """Find the pairs of triangles, without a common vertex, of which an edge of one passes through the other.
 
     Args:
@@ -34,7 +34,7 @@ def share_crossed(positions: NDArray[np.floating], triangles: NDArray[np.integer
         most: frames that are looked at.
     """
     chosen = np.unique(np.linspace(0, len(positions) - 1, min(most, len(positions))).astype(int))
-    return sum(len(crossings(positions[frame], triangles)) > 0 for frame in chosen) / len(chosen)
+    return sum(len(self_crossings(positions[frame], triangles)) > 0 for frame in chosen) / len(chosen)
 
 
 def _near(corners: FloatArray) -> tuple[IntArray, IntArray]:

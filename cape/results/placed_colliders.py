@@ -1,0 +1,49 @@
+"""The colliders of a take where its bones have them, and how deep points are in them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.results.take import Take
+from motions import quaternions
+from skeleton.shapes import require_known
+from skeleton.solid_measures import signed_distance
+
+FloatArray = NDArray[np.float64]
+
+
+class PlacedColliders:
+    """The colliders of a take, where its bones have them."""
+
+    def __init__(self, take: Take, margin: float = 0.0) -> None:
+        """Of all of a take's colliders, each grown by a margin [m].
+
+        Raises:
+            UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
+        """
+        require_known(take.colliders)
+        self._margin = margin
+        track = take.bones
+        self._solids = take.colliders
+        bones = [None if c.bone is None else track.index(c.bone) for c in take.colliders]
+        self._places = [
+            None if b is None else (track.positions[:, b], quaternions.to_matrix(track.rotations_wxyz[:, b]))
+            for b in bones
+        ]
+
+    def in_bone(self, collider: int, frame: int, points: FloatArray) -> FloatArray:
+        """Bring points in the world (N, 3) [m] into the frame of the collider's bone."""
+        place = self._places[collider]
+        if place is None:
+            return points
+        positions, bone_to_world = place
+        return (points - positions[frame]) @ bone_to_world[frame]
+
+    def depth(self, collider: int, frame: int, points: FloatArray) -> FloatArray:
+        """Depths of points in the world (N, 3) [m] in a collider grown by the margin, shape (N,)."""
+        return self._margin - signed_distance(self._solids[collider], self.in_bone(collider, frame, points))
+
+    def within_reach(self, frame: int, points: FloatArray) -> list[int]:
+        """Colliders that touch the sphere around all points."""
+        middle = points.mean(axis=0)
+        reach = float(np.linalg.norm(points - middle, axis=1).max())
+        return [c for c in range(len(self._solids)) if self.depth(c, frame, middle[None])[0] > -reach]
