@@ -10,6 +10,7 @@ from cape.cloth.triangle_mesh import edges_of
 from cape.kernels.self_contact.near_pairs import Pairs
 from cape.kernels.self_contact.patches import Patches, Sight
 from cape.kernels.self_contact.self_contact import CLOCKS, Layers, Pressure
+from cape.kernels.self_contact.tree import Tree
 from cape.scene.scene import Scene
 
 FloatArray = NDArray[np.float64]
@@ -70,11 +71,10 @@ def layers_of(scene: Scene, cloth: Cloth, *, alarm: IntArray, spreads: FloatArra
         return None
     thickness = contact_thickness(scene)
     friction = scene.friction if contact.friction is None else contact.friction
-    patches = cut_into_patches(cloth.triangles, rest_shape(cloth))
+    patches, tree = cut_into_patches(cloth.triangles, rest_shape(cloth))
     vertices, triangles, edges = cloth.vertices, patches.triangles.shape[1], patches.edges.shape[1]
     pieces = len(patches.vertex_start) - 1
     most = max(int(np.diff(s).max()) for s in (patches.vertex_start, patches.triangle_start, patches.edge_start))
-    buckets = 1 << (2 * pieces - 1).bit_length()
     return Layers(
         thickness=float(thickness),
         margin=MARGIN * thickness,
@@ -85,13 +85,9 @@ def layers_of(scene: Scene, cloth: Cloth, *, alarm: IntArray, spreads: FloatArra
             vertex_boxes=np.zeros((6, vertices)),
             triangle_boxes=np.zeros((6, triangles)),
             edge_boxes=np.zeros((6, edges)),
-            boxes=np.zeros((pieces, 6)),
             normals=np.zeros((3, triangles)),
             cones=np.zeros((pieces, 4)),
-            cells=np.zeros((pieces, 3), np.int64),
-            bucket_start=np.zeros(buckets + 1, np.int64),
-            members=np.zeros(pieces, np.int64),
-            beside=np.zeros(pieces, np.int64),
+            tree=tree,
             picked=np.zeros((6, most + 1), np.uint32),
             matched=np.zeros((2, most * most + 1), np.uint32),
         ),
@@ -170,9 +166,10 @@ def connected_pieces(triangles: NDArray[np.integer], vertices: int) -> IntArray:
             return np.unique(lowest, return_inverse=True)[1]
 
 
-def cut_into_patches(triangles: NDArray[np.integer], rest: FloatArray) -> Patches:
+def cut_into_patches(triangles: NDArray[np.integer], rest: FloatArray) -> tuple[Patches, Tree]:
     """Halve a mesh across its longest extent at rest until pieces have at most `PATCH` triangles."""
-    owner, pieces = _owners(rest[triangles].mean(axis=1))
+    owner, tree = _halve(rest[triangles].mean(axis=1))
+    pieces = int(tree.leaves[0])
     order = np.argsort(owner, kind="stable")
     triangles, owner = triangles[order], owner[order]
     mesh = edges_of(triangles)
@@ -182,7 +179,7 @@ def cut_into_patches(triangles: NDArray[np.integer], rest: FloatArray) -> Patche
     by_edge, by_vertex = np.argsort(edge_owner, kind="stable"), np.argsort(vertex_owner, kind="stable")
     neighbors = _neighbors(triangles, owner, len(rest))
     ends = np.arange(pieces + 1)
-    return Patches(
+    patches = Patches(
         vertices=by_vertex.astype(np.uint32),
         vertex_start=np.searchsorted(vertex_owner[by_vertex], ends),
         triangles=np.ascontiguousarray(triangles.T.astype(np.uint32)),
@@ -193,22 +190,36 @@ def cut_into_patches(triangles: NDArray[np.integer], rest: FloatArray) -> Patche
         neighbor_start=np.searchsorted(neighbors[:, 0], ends),
         rest=np.ascontiguousarray(rest.T),
     )
+    return patches, tree
 
 
-def _owners(middles: FloatArray) -> tuple[IntArray, int]:
-    """Number of the patch of each triangle, and how many there are."""
-    owner, pieces, stack = np.zeros(len(middles), np.int64), 0, [np.arange(len(middles))]
-    while stack:
-        members = stack.pop()
-        if len(members) <= PATCH:
-            owner[members] = pieces
-            pieces += 1
-            continue
-        axis = int(np.argmax(np.ptp(middles[members], axis=0)))
-        members = members[np.argsort(middles[members, axis], kind="stable")]
-        half = (len(members) + 1) // 2
-        stack += [members[half:], members[:half]]
-    return owner, pieces
+def _halve(middles: FloatArray) -> tuple[IntArray, Tree]:
+    """Number of the patch of each triangle, and the tree of patches, by the middles of triangles [m], shape (T, 3)."""
+    owner = np.zeros(len(middles), np.int64)
+    leaves: list[int] = []
+    first: list[int] = []
+
+    def halve(members: IntArray, before: int) -> int:
+        node = len(leaves)
+        leaves.append(1)
+        first.append(before)
+        if len(members) > PATCH:
+            axis = int(np.argmax(np.ptp(middles[members], axis=0)))
+            members = members[np.argsort(middles[members, axis], kind="stable")]
+            half = (len(members) + 1) // 2
+            count = halve(members[:half], before)
+            leaves[node] = count + halve(members[half:], before + count)
+        else:
+            owner[members] = before
+        return leaves[node]
+
+    pieces = halve(np.arange(len(middles)), 0)
+    # Each of the two nodes of a pair is at most so deep, and each step down leaves at most two other pairs waiting.
+    waiting = 4 * len(middles).bit_length() + 4
+    return owner, Tree(
+        leaves=np.array(leaves), first=np.array(first), boxes=np.zeros((2 * pieces - 1, 6)),
+        waiting=np.zeros((waiting, 2), np.int64),
+    )  # fmt: skip
 
 
 def _neighbors(triangles: NDArray[np.integer], owner: IntArray, vertices: int) -> IntArray:

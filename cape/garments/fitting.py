@@ -11,7 +11,7 @@ from motions import quaternions
 from motions.errors import ValueRangeError
 from skeleton.lowered_arms import lower_arms
 from skeleton.rest import RestPose
-from skeleton.shapes import Shape
+from skeleton.shapes import Bounded, Shape
 from skeleton.solid_measures import signed_distance
 
 if TYPE_CHECKING:
@@ -84,11 +84,32 @@ class Fitted:
         origins, rotations = self.pose([bone])
         return quaternions.rotate(quaternions.conjugate(rotations[0]), points - origins[0])
 
-    def distances(self, points: FloatArray) -> FloatArray:
-        """How far points of the wearer's frame [m], shape (..., 3), are from the nearest collider [m]."""
+    @cached_property
+    def _balls(self) -> tuple[FloatArray, FloatArray]:
+        """A ball around each collider: its middle [m], shape (C, 3), and its radius [m], shape (C,)."""
+        middles, radii = np.zeros((len(self._solids), 3)), np.full(len(self._solids), np.inf)
+        for k, (collider, name) in enumerate(self._solids):
+            bone = self._index(name)
+            if isinstance(collider, Bounded):
+                low, high = collider.bounds()
+                middles[k] = quaternions.rotate(self._rest.rotations_wxyz[bone], 0.5 * (low + high))
+                radii[k] = 0.5 * np.linalg.norm(high - low)
+            middles[k] += self._rest.positions[bone]
+        return middles, radii
+
+    def distances(self, points: FloatArray, *, within: float = np.inf) -> FloatArray:
+        """How far points of the wearer's frame [m], shape (..., 3), are from the nearest collider [m].
+
+        What is further than `within` [m] may be told to be infinitely far.
+        """
         places = points.reshape(-1, 3) @ self._axes.T + self._origin
         least = np.full(len(places), np.inf)
-        for collider, name in self._solids:
+        if not len(places):
+            return least.reshape(points.shape[:-1])
+        middles, radii = self._balls
+        outside = middles - np.clip(middles, places.min(axis=0), places.max(axis=0))
+        for k in np.flatnonzero(np.linalg.norm(outside, axis=1) <= radii + within):
+            collider, name = self._solids[k]
             bone = self._index(name)
             turn = quaternions.conjugate(self._rest.rotations_wxyz[bone])
             in_bone = quaternions.rotate(turn, places - self._rest.positions[bone])
@@ -101,13 +122,12 @@ class Fitted:
         Raises:
             ValueRangeError: what surrounds the neck is too thick.
         """
-        angles = np.linspace(-np.pi, np.pi, AROUND, endpoint=False)
         for highest in (HIGHEST, TALLEST):
             heights = np.arange(0.0, highest, FINE / self.height) * self.height
             for radius in np.arange(NARROWEST * self.height, WIDEST * self.height, FINE):
-                clear = (self._off_ring(radius, angles, heights) >= clearance).all(axis=0)
-                if clear.any():
-                    return float(radius), float(heights[np.argmax(clear)])
+                clear = self._clear_heights(radius, heights, clearance)
+                if len(clear):
+                    return float(radius), float(clear[0])
         raise ValueRangeError(f"no collar of less than {WIDEST * self.height:.2f} m clears the neck")
 
     def girth(self, clearance: float) -> float:
@@ -116,10 +136,9 @@ class Fitted:
         Raises:
             ValueRangeError: the arms stand too far off.
         """
-        angles = np.linspace(-np.pi, np.pi, AROUND, endpoint=False)
         heights = np.linspace(-UPPER_ARM * self.height, 0.0, 24)
         for radius in np.arange(WIDEST * self.height, BROADEST * self.height, FINE):
-            if (self._off_ring(radius, angles, heights) >= clearance).all():
+            if len(self._clear_heights(radius, heights, clearance)) == len(heights):
                 return float(radius)
         raise ValueRangeError(f"no ring of less than {BROADEST * self.height:.2f} m slips over the shoulders")
 
@@ -133,14 +152,22 @@ class Fitted:
             start: where it is let down from [m], shape (n,); where it is not clear there, from the next place above.
         """
         heights = np.arange(LOWEST, TALLEST, FINE / self.height) * self.height
-        free = self._off_ring(radius, angles, heights) >= clearance
+        free = self._is_clear(radius, angles, heights, clearance)
         above = heights >= start[:, None] - FINE
         first = np.argmax(free & above, axis=1)
         blocked = ~free & (np.arange(len(heights)) < first[:, None])
         lowest = np.where(blocked, np.arange(len(heights)) + 1, 0).max(axis=1)
         return np.where((free & above).any(axis=1), heights[lowest], TALLEST * self.height)
 
-    def _off_ring(self, radius: float, angles: FloatArray, heights: FloatArray) -> FloatArray:
-        """Distance of a ring around the neck from the nearest collider [m], at n angles and m heights, shape (n, m)."""
+    def _clear_heights(self, radius: float, heights: FloatArray, clearance: float) -> FloatArray:
+        """Those of some heights [m] at which a whole ring around the neck is clear of all colliders."""
+        angles = np.linspace(-np.pi, np.pi, AROUND, endpoint=False)
+        for directions in (angles[::8], angles):  # a few tell of most that are not
+            heights = heights[self._is_clear(radius, directions, heights, clearance).all(axis=0)]
+        return heights
+
+    def _is_clear(self, radius: float, angles: FloatArray, heights: FloatArray, clearance: float) -> NDArray[np.bool_]:
+        """Where a ring around the neck is clear of all colliders, at n angles and m heights, shape (n, m)."""
         x, y = self.neck[0] - radius * np.cos(angles), radius * np.sin(angles)
-        return self.distances(np.stack(np.broadcast_arrays(x[:, None], y[:, None], heights), axis=-1))
+        ring = np.stack(np.broadcast_arrays(x[:, None], y[:, None], heights), axis=-1)
+        return self.distances(ring, within=clearance) >= clearance

@@ -33,6 +33,26 @@ def ray_hits(origins: FloatArray, directions: FloatArray, corners: FloatArray) -
     return np.where(met, way, np.inf)
 
 
+def near_ray(
+    origin: FloatArray, direction: FloatArray, positions: NDArray[np.floating], triangles: NDArray[np.integer]
+) -> IntArray:
+    """The triangles that a ray may meet: those whose corners aren't all on one side of it, as seen along it.
+
+    Args:
+        origin: where it begins [m], shape (3,).
+        direction: where it goes, shape (3,).
+        positions: of the vertices [m], shape (V, 3).
+        triangles: three vertices each, shape (T, 3).
+    """
+    aside = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+    places = (positions - origin) @ np.stack([aside, np.cross(direction, aside)], axis=1)
+    a, b, c = triangles.T
+    around = np.ones(len(triangles), dtype=bool)
+    for side in (places <= 0.0, places >= 0.0):
+        around &= (side[a] | side[b] | side[c]).all(axis=1)
+    return np.flatnonzero(around)
+
+
 def folds(hem: FloatArray, origin: FloatArray, axis: FloatArray, *, closed: bool = False) -> int:
     """In how many folds a hem falls: the prominent maxima of its distance from an axis.
 

@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth
-from cape.measure.wearing import folds, ray_hits
+from cape.measure.wearing import folds, near_ray, ray_hits
 from cape.results.placed_colliders import PlacedColliders
 from cape.results.take import Take
 from cape.scene.scene import Scene
 from motions.errors import UnknownNameError
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 CLOSE = 0.06  # m from the skin, within which cloth covers a shoulder
 MOST_OF_ALL = 95  # per cent of the frames
@@ -80,31 +81,37 @@ def _above_ankles(take: Take, hem: FloatArray) -> float | None:
 
 
 def _shoulders_covered(take: Take, joints: Sequence[FloatArray], up: FloatArray) -> float | None:
-    body, placed = _of_the_body(take), PlacedColliders(take)
+    body = _of_the_body(take)
     if not body:
         return None
-    covered = np.ones(len(take.positions), dtype=bool)
-    for frame, positions in enumerate(take.positions):
-        corners = positions.astype(float)[take.triangles]
-        origins = np.stack([joint[frame] for joint in joints])
-        ways = ray_hits(origins, np.broadcast_to(up[frame], origins.shape), corners[None])
-        for origin, way in zip(origins, ways, strict=True):
-            met = origin + way[np.isfinite(way), None] * up[frame]
-            covered[frame] &= bool((_distances(placed, body, frame, met) <= CLOSE).any())
-    return float(covered.mean())
+    count, met = len(take.positions), []
+    rays, frames = [], []
+    for ray, joint in enumerate(joints):
+        for frame, positions in enumerate(take.positions):
+            above = near_ray(joint[frame], up[frame], positions, take.triangles)
+            ways = ray_hits(joint[None, frame], up[None, frame], positions[take.triangles[above]].astype(float)[None])
+            found = joint[frame] + ways[np.isfinite(ways), None] * up[frame]
+            met.append(found)
+            rays += [ray] * len(found)
+            frames += [frame] * len(found)
+    close = _distances(PlacedColliders(take), body, np.array(frames, np.int64), np.concatenate(met)) <= CLOSE
+    covered = np.zeros((count, len(joints)), dtype=bool)
+    covered[np.array(frames, np.int64)[close], np.array(rays, np.int64)[close]] = True
+    return float(covered.all(axis=1).mean())
 
 
 def _collar_gaps(take: Take, cloth: Cloth) -> FloatArray | None:
     """Largest distance of the collar's edge from the neck, or from the nearest limb of who has none [m], shape (F,)."""
-    body, placed = _of_the_body(take), PlacedColliders(take)
+    body = _of_the_body(take)
     if "collar" not in cloth.regions or not body:
         return None
     bones = take.bones.roles
     own = bones.get("neck") if bones.get("neck") != bones.get("head") else None
     neck = [c for c in body if take.bones.names[take.bones.index(str(take.colliders[c].bone))] == own]
     edge = np.intersect1d(cloth.regions["collar"], cloth.regions.get("top", cloth.regions["collar"]))
-    places = take.positions[:, edge].astype(float)
-    return np.array([_distances(placed, neck or body, frame, points).max() for frame, points in enumerate(places)])
+    frames = np.repeat(np.arange(len(take.positions)), len(edge))
+    places = take.positions[:, edge].astype(float).reshape(-1, 3)
+    return _distances(PlacedColliders(take), neck or body, frames, places).reshape(-1, len(edge)).max(axis=1)
 
 
 def _of_the_body(take: Take) -> list[int]:
@@ -112,6 +119,6 @@ def _of_the_body(take: Take) -> list[int]:
     return [index for index, collider in enumerate(take.colliders) if collider.bone is not None]
 
 
-def _distances(placed: PlacedColliders, colliders: Sequence[int], frame: int, points: FloatArray) -> FloatArray:
-    """Distances of points (n, 3) at a frame from the nearest of some colliders [m], negative within, shape (n,)."""
-    return -np.max([placed.depth(collider, frame, points) for collider in colliders], axis=0)
+def _distances(placed: PlacedColliders, colliders: Sequence[int], frames: IntArray, points: FloatArray) -> FloatArray:
+    """Distances of points (n, 3), each at a frame, from the nearest of some colliders [m], negative within, (n,)."""
+    return -np.max([placed.depth(collider, frames, points) for collider in colliders], axis=0)

@@ -9,6 +9,7 @@ from skeleton.shapes import require_known
 from skeleton.solid_measures import signed_distance
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 class PlacedColliders:
@@ -30,16 +31,18 @@ class PlacedColliders:
             for b in bones
         ]
 
-    def in_bone(self, collider: int, frame: int, points: FloatArray) -> FloatArray:
-        """Bring points in the world (N, 3) [m] into the frame of the collider's bone."""
+    def in_bone(self, collider: int, frame: int | IntArray, points: FloatArray) -> FloatArray:
+        """Bring points in the world (N, 3) [m], at a frame or one each, into the frame of the collider's bone."""
         place = self._places[collider]
         if place is None:
             return points
         positions, bone_to_world = place
+        if isinstance(frame, np.ndarray):
+            return np.einsum("ni,nij->nj", points - positions[frame], bone_to_world[frame])
         return (points - positions[frame]) @ bone_to_world[frame]
 
-    def depth(self, collider: int, frame: int, points: FloatArray) -> FloatArray:
-        """Depths of points in the world (N, 3) [m] in a collider grown by the margin, shape (N,)."""
+    def depth(self, collider: int, frame: int | IntArray, points: FloatArray) -> FloatArray:
+        """Depths of points in the world (N, 3) [m], at a frame or one each, in a collider grown by the margin, (N,)."""
         return self._margin - signed_distance(self._solids[collider], self.in_bone(collider, frame, points))
 
     def within_reach(self, frame: int, points: FloatArray) -> list[int]:

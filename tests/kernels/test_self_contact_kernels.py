@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cape.assembly.self_contact import enlarged, keep, layers_of, put_back, surplus
+from cape.assembly.self_contact import cut_into_patches, enlarged, keep, layers_of, put_back, surplus
 from cape.cloth.cloth import Cloth, MeshCloth
 from cape.kernels.jit import routine
 from cape.kernels.linking import Linker
 from cape.kernels.program import Use
-from cape.kernels.self_contact import closest, near_pairs, patches, self_contact
+from cape.kernels.self_contact import closest, near_pairs, patches, self_contact, tree
 from cape.kernels.state import State
 from cape.kernels.team import Team
 from cape.scene.scene import Scene
@@ -95,6 +95,50 @@ def test_no_point_of_a_triangle_is_closer(p: FloatArray, a: FloatArray, b: Float
 def test_a_triangle_without_area_is_its_edges(p: FloatArray, a: FloatArray, b: FloatArray, t: float):
     corners = np.stack([a, b, a + t * (b - a)])
     assert abs(triangle_distance(p, corners)[0] - to_triangle(p, corners)) <= 4.0 * FLATNESS
+
+
+reach = st.floats(0.0, 2.0)
+
+
+@settings(max_examples=300, deadline=None)
+@given(point, point, point, point, reach)
+def test_what_is_told_to_be_beyond_reach_is(p: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray, most: float):
+    if closest.is_beyond_triangle(0, 1, 2, 3, *np.stack([p, a, b, c], axis=1), most):
+        assert to_triangle(p, np.stack([a, b, c])) >= most - 4.0 * FLATNESS
+    if closest.is_beyond_edge(0, 1, 2, 3, *np.stack([p, a, b, c], axis=1), most):
+        assert between_segments(p, a, b, c) >= most - 4.0 * FLATNESS
+
+
+def test_most_of_what_is_beyond_reach_is_told_to_be(rng: np.random.Generator):
+    """Two edges or a triangle as long as the reach, three times as far off: as seen from afar, more than the reach."""
+    for _ in range(200):
+        corners = rng.uniform(-0.5, 0.5, (4, 3)) / np.sqrt(3.0)
+        away = rng.standard_normal(3)
+        away *= 3.0 / np.linalg.norm(away)
+        assert closest.is_beyond_triangle(0, 1, 2, 3, *(corners + away * np.array([[1], [0], [0], [0]])).T, 1.0)
+        assert closest.is_beyond_edge(0, 1, 2, 3, *(corners + away * np.array([[1], [1], [0], [0]])).T, 1.0)
+
+
+@pytest.mark.parametrize("triangles", [1, 16, 17, 500])
+def test_a_tree_finds_the_pairs_of_leaves_whose_boxes_overlap(rng: np.random.Generator, triangles: int):
+    middles = rng.uniform(size=(3 * triangles, 3))
+    cut, branched = cut_into_patches(np.arange(3 * triangles).reshape(-1, 3), middles)
+    leaves = len(cut.triangle_start) - 1
+    low = middles[cut.triangles.T].mean(axis=1)
+    boxes = np.concatenate([low, low + 0.02 * rng.uniform(size=(triangles, 3))], axis=1)
+    tree.set_boxes(branched, cut.triangle_start, np.ascontiguousarray(boxes.T))
+    found, waiting = [], 1
+    branched.waiting[0] = 0
+    while True:
+        a, b, waiting = tree.next_pair(branched, waiting)
+        if a < 0:
+            break
+        found.append((int(branched.first[a]), int(branched.first[b])))
+    parts = np.split(boxes, cut.triangle_start[1:-1])
+    of_leaves = np.stack([np.concatenate([part[:, :3].min(axis=0), part[:, 3:].max(axis=0)]) for part in parts])
+    overlap = (of_leaves[:, None, :3] < of_leaves[None, :, 3:]).all(axis=2)
+    expected = {(a, b) for a in range(leaves) for b in range(a, leaves) if a == b or (overlap & overlap.T)[a, b]}
+    assert sorted(found) == sorted(expected)
 
 
 def test_a_point_over_a_triangle_is_told_from_one_beside_it():

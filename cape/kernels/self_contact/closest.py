@@ -112,6 +112,35 @@ def from_edge(a, b, c, d, x, y, z):
 
 
 @inlined
+def is_beyond_triangle(i, a, b, c, x, y, z, reach):
+    """Tell that vertex i is further than `reach` [m] from a triangle, as seen along the line from its middle.
+
+    That costs little, and holds for most that are: a distance along any line is no more than that in space.
+    """
+    px, py, pz = np.float64(x[i]), np.float64(y[i]), np.float64(z[i])
+    ax, ay, az = px - x[a], py - y[a], pz - z[a]
+    bx, by, bz = px - x[b], py - y[b], pz - z[b]
+    cx, cy, cz = px - x[c], py - y[c], pz - z[c]
+    mx, my, mz = ax + bx + cx, ay + by + cy, az + bz + cz
+    nearest = min(ax * mx + ay * my + az * mz, min(bx * mx + by * my + bz * mz, cx * mx + cy * my + cz * mz))
+    return nearest > 0.0 and nearest * nearest > reach * reach * (mx * mx + my * my + mz * mz)
+
+
+@inlined
+def is_beyond_edge(a, b, c, d, x, y, z, reach):
+    """Tell that edges ab and cd are further than `reach` [m] apart, as seen along the line between their middles."""
+    ax, ay, az, cx, cy, cz = (
+        np.float64(x[a]), np.float64(y[a]), np.float64(z[a]), np.float64(x[c]), np.float64(y[c]), np.float64(z[c]),
+    )  # fmt: skip
+    ux, uy, uz = x[b] - ax, y[b] - ay, z[b] - az
+    vx, vy, vz = x[d] - cx, y[d] - cy, z[d] - cz
+    mx, my, mz = 2.0 * (ax - cx) + ux - vx, 2.0 * (ay - cy) + uy - vy, 2.0 * (az - cz) + uz - vz
+    squared = mx * mx + my * my + mz * mz
+    between = squared - abs(ux * mx + uy * my + uz * mz) - abs(vx * mx + vy * my + vz * mz)
+    return between > 0.0 and between * between > 4.0 * reach * reach * squared
+
+
+@inlined
 def squared_speed(a, b, vx, vy, vz):
     """Of two vertices relative to each other [m2/s2]."""
     x, y, z = np.float64(vx[a]) - vx[b], np.float64(vy[a]) - vy[b], np.float64(vz[a]) - vz[b]

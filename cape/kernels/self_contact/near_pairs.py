@@ -12,22 +12,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.kernels.jit import inlined, routine
-from cape.kernels.self_contact.closest import from_edge, from_triangle, speed_to_edge, speed_to_triangle
+from cape.kernels.self_contact.closest import (
+    from_edge,
+    from_triangle,
+    is_beyond_edge,
+    is_beyond_triangle,
+    speed_to_edge,
+    speed_to_triangle,
+)
 from cape.kernels.self_contact.patches import (
     Foresight,
     Indices,
-    bound_patches,
-    boxes_overlap,
-    bucket_of,
-    fill_hash,
+    are_neighbors,
     is_calm,
     look,
     sample_mean,
+    set_cones,
     sweep_all,
 )
+from cape.kernels.self_contact.tree import begin_pairs, next_pair, set_boxes
 
 TOUCHING = -1.0  # instead of a time
-MIDDLE, CELLS = 13, 27  # of the 3 x 3 x 3 cells around one
 
 
 class Pairs(NamedTuple):
@@ -65,8 +70,8 @@ def search(layers, s, inverse_mass, ahead):
     foresight = Foresight(layers.thickness + layers.margin, layers.thickness, ahead, drift)
     look(s, foresight, sight.places)
     sweep_all(patches.triangles, patches.edges, sight, s, foresight)
-    bound_patches(patches.triangle_start, sight.triangle_boxes, sight.normals, sight.boxes, sight.cones)
-    fill_hash(sight.boxes, sight.cells, sight.bucket_start, sight.members)
+    set_cones(patches.triangle_start, sight.normals, sight.cones)
+    set_boxes(sight.tree, patches.triangle_start, sight.triangle_boxes)
     put_aside(faces)
     put_aside(edges)
     find_pairs(patches, sight, faces, edges, s, inverse_mass, foresight)
@@ -77,45 +82,34 @@ def search(layers, s, inverse_mass, ahead):
 @routine
 def find_pairs(patches, sight, faces, edges, s, inverse_mass, foresight):
     """List the pairs of all patches that come near, until a list is full: then it is all done again with more room."""
-    buckets, cells, boxes = sight.bucket_start.size - 1, sight.cells, sight.boxes
-    picked, matched = sight.picked, sight.matched
-    sight.beside[:] = -1
-    for a in range(sight.boxes.shape[0]):
-        if faces.counts[1] + edges.counts[1] > 0:
+    tree, picked, matched = sight.tree, sight.picked, sight.matched
+    waiting = begin_pairs(tree)
+    while faces.counts[1] + edges.counts[1] == 0:
+        m, n, waiting = next_pair(tree, waiting)
+        if m < 0:
             return
-        sight.beside[a] = a
-        for k in range(patches.neighbor_start[a], patches.neighbor_start[a + 1]):
-            sight.beside[patches.neighbors[k]] = a
-        # Half of the cells around, for the other half finds this one; and its own.
-        for cell in range(MIDDLE, CELLS):
-            cx, cy, cz = cells[a, 0] + cell // 9 - 1, cells[a, 1] + cell // 3 % 3 - 1, cells[a, 2] + cell % 3 - 1
-            bucket = bucket_of(cx, cy, cz, buckets)
-            for k in range(sight.bucket_start[bucket], sight.bucket_start[bucket + 1]):
-                b = sight.members[k]
-                if cells[b, 0] != cx or cells[b, 1] != cy or cells[b, 2] != cz or (cell == MIDDLE and b < a):
-                    continue
-                if not boxes_overlap(sight.boxes, a, b):
-                    continue
-                if sight.beside[b] == a and is_calm(sight.cones, a, b):
-                    continue
-                x0, y0 = max(boxes[a, 0], boxes[b, 0]), max(boxes[a, 1], boxes[b, 1])
-                x1, y1 = min(boxes[a, 3], boxes[b, 3]), min(boxes[a, 4], boxes[b, 4])
-                common = x0, y0, max(boxes[a, 2], boxes[b, 2]), x1, y1, min(boxes[a, 5], boxes[b, 5])
-                va = pick(patches.vertex_start, a, patches.vertices, sight.vertex_boxes, common, picked[0])
-                ta = pick(patches.triangle_start, a, None, sight.triangle_boxes, common, picked[1])
-                ea = pick(patches.edge_start, a, None, sight.edge_boxes, common, picked[2])
-                vb = pick(patches.vertex_start, b, patches.vertices, sight.vertex_boxes, common, picked[3])
-                tb = pick(patches.triangle_start, b, None, sight.triangle_boxes, common, picked[4])
-                eb = pick(patches.edge_start, b, None, sight.edge_boxes, common, picked[5])
-                count = match(picked[0], va, sight.vertex_boxes, picked[4], tb, sight.triangle_boxes, False, matched)
-                list_faces(matched, count, patches.triangles, patches.rest, faces, s, inverse_mass, foresight)
-                if a != b:
-                    count = match(
-                        picked[3], vb, sight.vertex_boxes, picked[1], ta, sight.triangle_boxes, False, matched
-                    )
-                    list_faces(matched, count, patches.triangles, patches.rest, faces, s, inverse_mass, foresight)
-                count = match(picked[2], ea, sight.edge_boxes, picked[5], eb, sight.edge_boxes, a == b, matched)
-                list_edges(matched, count, patches.edges, patches.rest, edges, s, inverse_mass, foresight)
+        a, b = tree.first[m], tree.first[n]
+        if are_neighbors(patches, a, b) and is_calm(sight.cones, a, b):
+            continue
+        mine, theirs = tree.boxes[m], tree.boxes[n]
+        x0, y0, z0 = max(mine[0], theirs[0]), max(mine[1], theirs[1]), max(mine[2], theirs[2])
+        x1, y1, z1 = min(mine[3], theirs[3]), min(mine[4], theirs[4]), min(mine[5], theirs[5])
+        common = x0, y0, z0, x1, y1, z1
+        ta = pick(patches.triangle_start, a, None, sight.triangle_boxes, common, picked[1])
+        tb = pick(patches.triangle_start, b, None, sight.triangle_boxes, common, picked[4])
+        if ta == 0 or tb == 0:  # vertices and edges are those of triangles
+            continue
+        va = pick(patches.vertex_start, a, patches.vertices, sight.vertex_boxes, common, picked[0])
+        ea = pick(patches.edge_start, a, None, sight.edge_boxes, common, picked[2])
+        vb = pick(patches.vertex_start, b, patches.vertices, sight.vertex_boxes, common, picked[3])
+        eb = pick(patches.edge_start, b, None, sight.edge_boxes, common, picked[5])
+        count = match(picked[0], va, sight.vertex_boxes, picked[4], tb, sight.triangle_boxes, False, matched)
+        list_faces(matched, count, patches.triangles, patches.rest, faces, s, inverse_mass, foresight)
+        if a != b:
+            count = match(picked[3], vb, sight.vertex_boxes, picked[1], ta, sight.triangle_boxes, False, matched)
+            list_faces(matched, count, patches.triangles, patches.rest, faces, s, inverse_mass, foresight)
+        count = match(picked[2], ea, sight.edge_boxes, picked[5], eb, sight.edge_boxes, a == b, matched)
+        list_edges(matched, count, patches.edges, patches.rest, edges, s, inverse_mass, foresight)
 
 
 @routine
@@ -166,8 +160,10 @@ def list_faces(matched, count, triangles, rest, pairs, s, inverse_mass, foresigh
         a, b, c = triangles[0, t], triangles[1, t], triangles[2, t]
         if (i == a) | (i == b) | (i == c):
             continue
-        gx, gy, gz, _, _, _, _ = from_triangle(i, a, b, c, s.x, s.y, s.z)
         reach = foresight.reach + foresight.ahead * speed_to_triangle(i, a, b, c, s.vx, s.vy, s.vz)
+        if is_beyond_triangle(i, a, b, c, s.x, s.y, s.z, reach):
+            continue
+        gx, gy, gz, _, _, _, _ = from_triangle(i, a, b, c, s.x, s.y, s.z)
         if gx * gx + gy * gy + gz * gz > reach * reach:
             continue
         rx, ry, rz, _, _, _, _ = from_triangle(i, a, b, c, rest[0], rest[1], rest[2])
@@ -183,8 +179,10 @@ def list_edges(matched, count, ends, rest, pairs, s, inverse_mass, foresight):
         a, b, c, d = ends[0, e], ends[1, e], ends[0, f], ends[1, f]
         if (a == c) | (a == d) | (b == c) | (b == d):
             continue
-        gx, gy, gz, _, _, _ = from_edge(a, b, c, d, s.x, s.y, s.z)
         reach = foresight.reach + foresight.ahead * speed_to_edge(a, b, c, d, s.vx, s.vy, s.vz)
+        if is_beyond_edge(a, b, c, d, s.x, s.y, s.z, reach):
+            continue
+        gx, gy, gz, _, _, _ = from_edge(a, b, c, d, s.x, s.y, s.z)
         if gx * gx + gy * gy + gz * gz > reach * reach:
             continue
         rx, ry, rz, _, _, _ = from_edge(a, b, c, d, rest[0], rest[1], rest[2])

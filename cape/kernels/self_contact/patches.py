@@ -1,10 +1,9 @@
-"""Patches of a cloth: what each sweeps, which may touch, and where they are found in space.
+"""Patches of a cloth: what each sweeps, and which may touch.
 
-The patches' boxes are put into the cells of a spatial hash (Teschner, Heidelberger, Mueller, Pomerantz and Gross 2003,
-"Optimized spatial hashing for collision detection of deformable objects", section 3). Boxes of neighbouring patches
-always overlap. Where all their normals are within 60 degrees of one direction the cloth can't touch itself, since its
-points are at least half as far apart as along the cloth (Volino and Magnenat-Thalmann 1994, "Efficient self-collision
-detection on smoothly discretized surface animations using geometrical shape regularity", section 3).
+Boxes of neighbouring patches always overlap. Where all their normals are within 60 degrees of one direction the cloth
+can't touch itself, since its points are at least half as far apart as along the cloth (Volino and Magnenat-Thalmann
+1994, "Efficient self-collision detection on smoothly discretized surface animations using geometrical shape
+regularity", section 3).
 """
 
 import math
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.kernels.jit import inlined, kernel, routine
+from cape.kernels.self_contact.tree import Tree
 
 FloatArray = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -45,10 +45,9 @@ class Patches(NamedTuple):
 class Sight(NamedTuple):
     """What a search saw: `places` (6, N) of the vertices and their ways from there, relative to their mean [m].
 
-    And scratch: boxes, lowest and highest coordinates, of what vertices (6, N), triangles (6, T), edges (6, E) and
-    patches (P, 6) sweep; normals of the triangles, unnormalised (3, T), and the patches' cones of them, axis and half
-    angle (P, 4); the hash: cells (P, 3), where each bucket starts, and the patches in them (P,); `beside` (P,), beside
-    which patch each was found last; `picked` (6, most), what of either patch of a pair is near the other, and `matched`
+    And scratch: boxes, lowest and highest coordinates, of what vertices (6, N), triangles (6, T) and edges (6, E)
+    sweep; normals of the triangles, unnormalised (3, T), and the patches' cones of them, axis and half angle (P, 4);
+    the patches' `tree`; `picked` (6, most), what of either patch of a pair is near the other, and `matched`
     (2, most * most), which of that come near each other.
     """
 
@@ -56,13 +55,9 @@ class Sight(NamedTuple):
     vertex_boxes: FloatArray
     triangle_boxes: FloatArray
     edge_boxes: FloatArray
-    boxes: FloatArray
     normals: FloatArray
     cones: FloatArray
-    cells: Indices
-    bucket_start: Indices
-    members: Indices
-    beside: Indices
+    tree: Tree
     picked: NDArray[np.uint32]
     matched: NDArray[np.uint32]
 
@@ -183,15 +178,9 @@ def set_normals(first, second, third, x, y, z, nx, ny, nz):
 
 
 @routine
-def bound_patches(start, triangle_boxes, normals, boxes, cones):
-    """Set the boxes of patches and the cones of their normals."""
-    for p in range(boxes.shape[0]):
-        for axis in range(3):
-            low, high = triangle_boxes[axis, start[p]], triangle_boxes[axis + 3, start[p]]
-            for t in range(start[p] + 1, start[p + 1]):
-                low = triangle_boxes[axis, t] if triangle_boxes[axis, t] < low else low
-                high = triangle_boxes[axis + 3, t] if triangle_boxes[axis + 3, t] > high else high
-            boxes[p, axis], boxes[p, axis + 3] = low, high
+def set_cones(start, normals, cones):
+    """Set the cones of the patches' normals."""
+    for p in range(cones.shape[0]):
         mx = my = mz = 0.0
         for t in range(start[p], start[p + 1]):
             mx, my, mz = mx + normals[0, t], my + normals[1, t], mz + normals[2, t]
@@ -207,50 +196,13 @@ def bound_patches(start, triangle_boxes, normals, boxes, cones):
         cones[p, 3] = math.acos(max(least, -1.0))
 
 
-@routine
-def fill_hash(boxes, cells, start, members):
-    """Sort the boxes by the bucket of the cell that their middle lies in.
-
-    Cells are as large as the largest box, so that boxes which overlap are in adjacent cells.
-    """
-    size = 0.0
-    for p in range(boxes.shape[0]):
-        for axis in range(3):
-            size = max(size, boxes[p, axis + 3] - boxes[p, axis])
-    buckets = start.size - 1
-    start[:] = 0
-    for p in range(boxes.shape[0]):
-        for axis in range(3):
-            cells[p, axis] = math.floor(0.5 * (boxes[p, axis] + boxes[p, axis + 3]) / size)
-        start[bucket_of(cells[p, 0], cells[p, 1], cells[p, 2], buckets)] += 1
-    total = 0
-    for b in range(buckets + 1):
-        total += start[b]
-        start[b] = total
-    # From the last to the first, so that patches of a bucket are in their own order.
-    for p in range(boxes.shape[0] - 1, -1, -1):
-        b = bucket_of(cells[p, 0], cells[p, 1], cells[p, 2], buckets)
-        start[b] -= 1
-        members[start[b]] = p
-
-
 @inlined
-def bucket_of(cx, cy, cz, buckets):
-    """Bucket of a cell; their number is a power of two."""
-    return ((cx * 73856093) ^ (cy * 19349663) ^ (cz * 83492791)) & (buckets - 1)
-
-
-@inlined
-def boxes_overlap(boxes, a, b):
-    """Tell whether two patches' boxes overlap."""
-    return (
-        (boxes[a, 0] < boxes[b, 3])
-        & (boxes[a, 1] < boxes[b, 4])
-        & (boxes[a, 2] < boxes[b, 5])
-        & (boxes[b, 0] < boxes[a, 3])
-        & (boxes[b, 1] < boxes[a, 4])
-        & (boxes[b, 2] < boxes[a, 5])
-    )
+def are_neighbors(patches, a, b):
+    """Tell whether two patches share a vertex, or are the same."""
+    found = a == b
+    for k in range(patches.neighbor_start[a], patches.neighbor_start[a + 1]):
+        found |= patches.neighbors[k] == b
+    return found
 
 
 @inlined
