@@ -18,7 +18,7 @@ IntArray = NDArray[np.int64]
 
 PATCH = 16  # triangles at most; fewer make more pairs of patches, more make larger ones
 # Times the thickness. The wider, the seldomer is there a search, and the more neighbours along the cloth are watched.
-MARGIN = 1.5
+MARGIN = 2.5
 # Closer than half of its height no triangle can be to the next one without a sharp fold.
 SHARE_OF_EDGE = 1.0 / 3.0
 THICKEST = 5e-3  # m, several times what any fabric has, so that layers stay apart in pictures, too

@@ -136,8 +136,9 @@ def test_a_tree_finds_the_pairs_of_leaves_whose_boxes_overlap(rng: np.random.Gen
         found.append((int(branched.first[a]), int(branched.first[b])))
     parts = np.split(boxes, cut.triangle_start[1:-1])
     of_leaves = np.stack([np.concatenate([part[:, :3].min(axis=0), part[:, 3:].max(axis=0)]) for part in parts])
-    overlap = (of_leaves[:, None, :3] < of_leaves[None, :, 3:]).all(axis=2)
-    expected = {(a, b) for a in range(leaves) for b in range(a, leaves) if a == b or (overlap & overlap.T)[a, b]}
+    reaches = (of_leaves[:, None, :3] < of_leaves[None, :, 3:]).all(axis=2)
+    overlap = np.logical_and(reaches, reaches.T)
+    expected = {(a, b) for a in range(leaves) for b in range(a, leaves) if a == b or overlap[a, b]}
     assert sorted(found) == sorted(expected)
 
 

@@ -41,7 +41,7 @@ from cape.kernels.state import State
 # the step while they cost less and less of it: 5 substeps of 0.2 ms, 1 of 5 ms.
 LONGEST = 5e-3
 CALM = 3e-3  # s; so far apart are beats at most, and looks at pairs that aren't due yet, where steps are short
-HORIZON = 4e-3  # s that vertices are foreseen to go on; longer ones need fewer searches, which list more
+HORIZON = 6e-3  # s that vertices are foreseen to go on; longer ones need fewer searches, which list more
 ACCELERATION = 20.0  # m/s2 that two points may have towards each other before their pair is looked at again
 SLACK = 0.02  # of the thickness, by which touching layers may sink in or be apart
 SLIDE = 0.2  # of the thickness, by which close edges may slide before it is seen whether they cross
