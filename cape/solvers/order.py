@@ -37,7 +37,16 @@ from cape.kernels.contact.units import (
 )
 from cape.kernels.linking import Linker
 from cape.kernels.program import Nothing, Use, wait_for_all
-from cape.kernels.self_contact.self_contact import Layered, Pressed, Searched, keep_apart, press, search_pairs
+from cape.kernels.self_contact.self_contact import (
+    Ahead,
+    Layered,
+    Pressed,
+    Searched,
+    keep_apart,
+    look_ahead,
+    press,
+    search_pairs,
+)
 from cape.kernels.solve.attachments import Held, Lifted, hold_attached, lift_attached
 from cape.kernels.solve.journal import (
     Noting,
@@ -151,8 +160,9 @@ def end_substep(
     if contacts.layers is not None:
         uses += wait(thread)
         if thread.is_first:
-            search = Use(search_pairs, Searched(running.state, contacts.layers, thread.inverse_mass))
-            layered = Layered(running.state, contacts.layers, thread.inverse_mass, linker.program([search]))
+            look = Use(look_ahead, Ahead(running.state, contacts.layers.sight.places))
+            search = Use(search_pairs, Searched(contacts.layers, assembly.inverse_mass))
+            layered = Layered(running.state, contacts.layers, thread.inverse_mass, linker.program([look, search]))
             uses.append(Use(keep_apart, layered))
         uses += wait(thread)
     if thread.journal is not None:

@@ -93,7 +93,7 @@ OWN = {
     "wind": {"grid_air", "skin_drag"},
     "box": {"nearest", "gaps of box", "planes of box", "wake_faces", "keep_faces_out"},
     "ellipsoid": {"nearest", "gaps of ellipsoid"},  # in so thick a skin that no triangle can touch it
-    "self-contact": {"press", "keep_apart", "search_pairs"},
+    "self-contact": {"press", "keep_apart", "look_ahead", "search_pairs"},
     "blend": {"lift_attached", "hold_attached"},  # the same for several bones a vertex
     "tethers": {"keep_tethered"},
     "soft": {"aim_pull", "pull_vertices"},

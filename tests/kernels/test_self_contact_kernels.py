@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from cape.assembly.self_contact import cut_into_patches, enlarged, keep, layers_of, put_back, surplus
 from cape.cloth.cloth import Cloth, MeshCloth
-from cape.kernels.jit import routine
 from cape.kernels.linking import Linker
 from cape.kernels.program import Use
 from cape.kernels.self_contact import closest, near_pairs, patches, self_contact, tree
@@ -206,7 +205,8 @@ def search(
     ahead: float,
 ) -> None:
     """List the pairs that may come within `reach` [m] of each other, but for those that are nearer at rest."""
-    near_pairs.search(layers._replace(thickness=nearest, margin=reach - nearest), s, inverse_mass, ahead)
+    patches.look(s, ahead, layers.sight.places)
+    near_pairs.search(layers._replace(thickness=nearest, margin=reach - nearest), inverse_mass)
 
 
 def listed(pairs: near_pairs.Pairs) -> set[tuple[int, int]]:
@@ -290,18 +290,11 @@ def folded_flat(gap: float) -> MeshCloth:
     )
 
 
-@routine
-def look_ahead(s, places, ahead):
-    """Note where vertices are, and how they go on for `ahead` seconds."""
-    drift = patches.sample_mean(s.vx), patches.sample_mean(s.vy), patches.sample_mean(s.vz)
-    patches.look(s, patches.Foresight(0.0, 0.0, ahead, drift), places)
-
-
 def test_what_strays_from_where_it_was_foreseen(rng: np.random.Generator):
     n, ahead, limit = 64, 0.01, 0.02
     s = State(*rng.uniform(-1.0, 1.0, (6, n)))
     places = np.zeros((6, n))
-    look_ahead(s, places, 0.03)
+    patches.look(s, 0.03, places)
     for later in (0.0, 0.02):
         moved = State(*np.concatenate([np.stack(s[:3]) + later * np.stack(s[3:]) + 7.0, s[3:]]))
         assert patches.is_foreseen(moved, places, ahead, limit)
@@ -440,7 +433,8 @@ def keep_apart(
 ) -> None:
     """Keep layers apart in one of a frame's substeps."""
     linker = Linker()
-    search = linker.program([Use(self_contact.search_pairs, self_contact.Searched(s, layers, inverse_mass))])
+    look = Use(self_contact.look_ahead, self_contact.Ahead(s, layers.sight.places))
+    search = linker.program([look, Use(self_contact.search_pairs, self_contact.Searched(layers, inverse_mass))])
     linker.link()
     group = self_contact.Layered(s, layers, inverse_mass, search)
     self_contact.keep_apart(group, Team.alone(s.x.size), substep, substeps, step)

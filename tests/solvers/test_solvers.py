@@ -204,7 +204,7 @@ FEATURES = {
     "ellipsoids": ({"nearest of ellipsoid", "gaps of ellipsoid"}, {"ellipsoid"}),
     "triangles": ({"wake_faces", "keep_faces_out", "planes of capsule"}, {"needle"}),
     "attachments": ({"lift_attached"}, {"held"}),
-    "self-contact": ({"keep_apart", "search_pairs"}, {"layers"}),
+    "self-contact": ({"keep_apart", "look_ahead", "search_pairs"}, {"layers"}),
     "journal": ({"note_integrated", "note_pressed", "note_end"}, set()),
     "threads": ({"wait_for_all"}, set()),
 }  # fmt: skip

@@ -149,13 +149,13 @@ def squared_speed(a, b, vx, vy, vz):
 
 @inlined
 def speed_to_triangle(i, a, b, c, vx, vy, vz):
-    """Largest speed of vertex i relative to points of a triangle [m/s]."""
+    """Largest speed of vertex i relative to points of a triangle [m/s], or way [m] if v is that."""
     ab = max(squared_speed(i, a, vx, vy, vz), squared_speed(i, b, vx, vy, vz))
     return math.sqrt(max(ab, squared_speed(i, c, vx, vy, vz)))
 
 
 @inlined
 def speed_to_edge(a, b, c, d, vx, vy, vz):
-    """Largest speed of points of edge ab relative to points of cd [m/s]."""
+    """Largest speed of points of edge ab relative to points of cd [m/s], or way [m] if v is that."""
     of_a = max(squared_speed(a, c, vx, vy, vz), squared_speed(a, d, vx, vy, vz))
     return math.sqrt(max(of_a, max(squared_speed(b, c, vx, vy, vz), squared_speed(b, d, vx, vy, vz))))

@@ -21,12 +21,9 @@ from cape.kernels.self_contact.closest import (
     speed_to_triangle,
 )
 from cape.kernels.self_contact.patches import (
-    Foresight,
     Indices,
     are_neighbors,
     is_calm,
-    look,
-    sample_mean,
     set_cones,
     sweep_all,
 )
@@ -60,28 +57,27 @@ class Pairs(NamedTuple):
 
 
 @routine
-def search(layers, s, inverse_mass, ahead):
-    """List all pairs that may come within reach of each other in `ahead` seconds.
+def search(layers, inverse_mass):
+    """List all pairs that may come within reach of each other on the ways that were looked at last.
 
     Left out are those that share a vertex, that nothing can move, or that are nearer than the thickness at rest.
     """
     patches, sight, faces, edges = layers.patches, layers.sight, layers.faces, layers.edges
-    drift = sample_mean(s.vx), sample_mean(s.vy), sample_mean(s.vz)
-    foresight = Foresight(layers.thickness + layers.margin, layers.thickness, ahead, drift)
-    look(s, foresight, sight.places)
-    sweep_all(patches.triangles, patches.edges, sight, s, foresight)
+    reach = layers.thickness + layers.margin
+    sweep_all(patches.triangles, patches.edges, sight, reach)
     set_cones(patches.triangle_start, sight.normals, sight.cones)
     set_boxes(sight.tree, patches.triangle_start, sight.triangle_boxes)
     put_aside(faces)
     put_aside(edges)
-    find_pairs(patches, sight, faces, edges, s, inverse_mass, foresight)
+    find_pairs(layers, inverse_mass, reach)
     remember(faces)
     remember(edges)
 
 
 @routine
-def find_pairs(patches, sight, faces, edges, s, inverse_mass, foresight):
+def find_pairs(layers, inverse_mass, reach):
     """List the pairs of all patches that come near, until a list is full: then it is all done again with more room."""
+    patches, sight, faces, edges = layers.patches, layers.sight, layers.faces, layers.edges
     tree, picked, matched = sight.tree, sight.picked, sight.matched
     waiting = begin_pairs(tree)
     while faces.counts[1] + edges.counts[1] == 0:
@@ -104,12 +100,12 @@ def find_pairs(patches, sight, faces, edges, s, inverse_mass, foresight):
         vb = pick(patches.vertex_start, b, patches.vertices, sight.vertex_boxes, common, picked[3])
         eb = pick(patches.edge_start, b, None, sight.edge_boxes, common, picked[5])
         count = match(picked[0], va, sight.vertex_boxes, picked[4], tb, sight.triangle_boxes, False, matched)
-        list_faces(matched, count, patches.triangles, patches.rest, faces, s, inverse_mass, foresight)
+        list_faces(layers, count, inverse_mass, reach)
         if a != b:
             count = match(picked[3], vb, sight.vertex_boxes, picked[1], ta, sight.triangle_boxes, False, matched)
-            list_faces(matched, count, patches.triangles, patches.rest, faces, s, inverse_mass, foresight)
+            list_faces(layers, count, inverse_mass, reach)
         count = match(picked[2], ea, sight.edge_boxes, picked[5], eb, sight.edge_boxes, a == b, matched)
-        list_edges(matched, count, patches.edges, patches.rest, edges, s, inverse_mass, foresight)
+        list_edges(layers, count, inverse_mass, reach)
 
 
 @routine
@@ -153,41 +149,49 @@ def match(mine, count, my_boxes, theirs, others, their_boxes, once, matched):
 
 
 @routine
-def list_faces(matched, count, triangles, rest, pairs, s, inverse_mass, foresight):
+def list_faces(layers, count, inverse_mass, reach):
     """List those of matched vertices and triangles that come near."""
+    matched, triangles, rest, p = (
+        layers.sight.matched,
+        layers.patches.triangles,
+        layers.patches.rest,
+        layers.sight.places,
+    )
     for k in range(count):
         i, t = matched[0, k], matched[1, k]
         a, b, c = triangles[0, t], triangles[1, t], triangles[2, t]
         if (i == a) | (i == b) | (i == c):
             continue
-        reach = foresight.reach + foresight.ahead * speed_to_triangle(i, a, b, c, s.vx, s.vy, s.vz)
-        if is_beyond_triangle(i, a, b, c, s.x, s.y, s.z, reach):
+        most = reach + speed_to_triangle(i, a, b, c, p[3], p[4], p[5])
+        if is_beyond_triangle(i, a, b, c, p[0], p[1], p[2], most):
             continue
-        gx, gy, gz, _, _, _, _ = from_triangle(i, a, b, c, s.x, s.y, s.z)
-        if gx * gx + gy * gy + gz * gz > reach * reach:
+        gx, gy, gz, _, _, _, _ = from_triangle(i, a, b, c, p[0], p[1], p[2])
+        if gx * gx + gy * gy + gz * gz > most * most:
             continue
         rx, ry, rz, _, _, _, _ = from_triangle(i, a, b, c, rest[0], rest[1], rest[2])
-        if rx * rx + ry * ry + rz * rz >= foresight.nearest**2 and is_movable(i, a, b, c, inverse_mass):
-            append(pairs, i, t, gx, gy, gz)
+        if rx * rx + ry * ry + rz * rz >= layers.thickness**2 and is_movable(i, a, b, c, inverse_mass):
+            append(layers.faces, i, t, gx, gy, gz)
 
 
 @routine
-def list_edges(matched, count, ends, rest, pairs, s, inverse_mass, foresight):
+def list_edges(layers, count, inverse_mass, reach):
     """List those of matched edges that come near."""
+    patches, matched, p = layers.patches, layers.sight.matched, layers.sight.places
+    ends, rest = patches.edges, patches.rest
     for k in range(count):
         e, f = matched[0, k], matched[1, k]
         a, b, c, d = ends[0, e], ends[1, e], ends[0, f], ends[1, f]
         if (a == c) | (a == d) | (b == c) | (b == d):
             continue
-        reach = foresight.reach + foresight.ahead * speed_to_edge(a, b, c, d, s.vx, s.vy, s.vz)
-        if is_beyond_edge(a, b, c, d, s.x, s.y, s.z, reach):
+        most = reach + speed_to_edge(a, b, c, d, p[3], p[4], p[5])
+        if is_beyond_edge(a, b, c, d, p[0], p[1], p[2], most):
             continue
-        gx, gy, gz, _, _, _ = from_edge(a, b, c, d, s.x, s.y, s.z)
-        if gx * gx + gy * gy + gz * gz > reach * reach:
+        gx, gy, gz, _, _, _ = from_edge(a, b, c, d, p[0], p[1], p[2])
+        if gx * gx + gy * gy + gz * gz > most * most:
             continue
         rx, ry, rz, _, _, _ = from_edge(a, b, c, d, rest[0], rest[1], rest[2])
-        if rx * rx + ry * ry + rz * rz >= foresight.nearest**2 and is_movable(a, b, c, d, inverse_mass):
-            append(pairs, e, f, gx, gy, gz)
+        if rx * rx + ry * ry + rz * rz >= layers.thickness**2 and is_movable(a, b, c, d, inverse_mass):
+            append(layers.edges, e, f, gx, gy, gz)
 
 
 @inlined

@@ -62,16 +62,6 @@ class Sight(NamedTuple):
     matched: NDArray[np.uint32]
 
 
-class Foresight(NamedTuple):
-    """What a search looks for: pairs that may come within `reach` [m] in `ahead` seconds, of points at least `nearest`
-    [m] apart at rest, while the whole cloth moves at `drift` [m/s]."""
-
-    reach: float
-    nearest: float
-    ahead: float
-    drift: tuple[float, float, float]
-
-
 @routine
 def is_foreseen(s, places, ahead, limit):
     """Tell whether all vertices will, `ahead` seconds from now, be within a limit [m] of where they were foreseen."""
@@ -110,35 +100,31 @@ def count_strayed(x, y, z, vx, vy, vz, px, py, pz, wx, wy, wz, ahead, mx, my, mz
 
 
 @routine
-def look(s, foresight, places):
-    """Note where vertices are, relative to their mean, and how they go on."""
-    ahead, drift = foresight.ahead, foresight.drift
+def look(s, ahead, places):
+    """Note where vertices are, relative to their mean, and how they go on for `ahead` seconds."""
     mx, my, mz = sample_mean(s.x), sample_mean(s.y), sample_mean(s.z)
+    u, v, w = sample_mean(s.vx), sample_mean(s.vy), sample_mean(s.vz)
     for i in range(s.x.size):
         places[0, i], places[1, i], places[2, i] = s.x[i] - mx, s.y[i] - my, s.z[i] - mz
-        places[3, i], places[4, i] = ahead * (s.vx[i] - drift[0]), ahead * (s.vy[i] - drift[1])
-        places[5, i] = ahead * (s.vz[i] - drift[2])
+        places[3, i], places[4, i], places[5, i] = ahead * (s.vx[i] - u), ahead * (s.vy[i] - v), ahead * (s.vz[i] - w)
 
 
 @routine
-def sweep_all(triangles, edges, sight, s, foresight):
+def sweep_all(triangles, edges, sight, reach):
     """Box what vertices, triangles and edges sweep, with half the reach around, and set the triangles' normals."""
-    v, t, e, n = sight.vertex_boxes, sight.triangle_boxes, sight.edge_boxes, sight.normals
-    ahead, around, drift = foresight.ahead, 0.5 * foresight.reach, foresight.drift
-    sweep(s.x, s.vx, drift[0], ahead, around, v[0], v[3])
-    sweep(s.y, s.vy, drift[1], ahead, around, v[1], v[4])
-    sweep(s.z, s.vz, drift[2], ahead, around, v[2], v[5])
+    p, v, t, e, n = sight.places, sight.vertex_boxes, sight.triangle_boxes, sight.edge_boxes, sight.normals
     for axis in range(3):
+        sweep(p[axis], p[axis + 3], 0.5 * reach, v[axis], v[axis + 3])
         box_triangles(triangles[0], triangles[1], triangles[2], v[axis], v[axis + 3], t[axis], t[axis + 3])
         box_edges(edges[0], edges[1], v[axis], v[axis + 3], e[axis], e[axis + 3])
-    set_normals(triangles[0], triangles[1], triangles[2], s.x, s.y, s.z, n[0], n[1], n[2])
+    set_normals(triangles[0], triangles[1], triangles[2], p[0], p[1], p[2], n[0], n[1], n[2])
 
 
 @kernel
-def sweep(x, v, drift, ahead, around, low, high):
-    """Lowest and highest coordinate of what moves on for a time, with some room around, along one axis."""
+def sweep(x, way, around, low, high):
+    """Lowest and highest coordinate of what moves on, with some room around, along one axis."""
     for i in range(x.size):
-        end = x[i] + ahead * (v[i] - drift)
+        end = x[i] + way[i]
         low[i] = (x[i] if x[i] < end else end) - around
         high[i] = (end if x[i] < end else x[i]) + around
 

@@ -34,7 +34,7 @@ from cape.kernels.jit import inlined, kernel, unit
 from cape.kernels.program import Program, run
 from cape.kernels.self_contact.closest import from_edge, from_triangle, speed_to_edge, speed_to_triangle
 from cape.kernels.self_contact.near_pairs import TOUCHING, Pairs, search
-from cape.kernels.self_contact.patches import FloatArray, Indices, Patches, Sight, is_foreseen
+from cape.kernels.self_contact.patches import FloatArray, Indices, Patches, Sight, is_foreseen, look
 from cape.kernels.state import State
 
 # s; beats, and looks for new pairs, are at most sqrt(LONGEST * step) apart, so that what they leave open vanishes with
@@ -112,7 +112,7 @@ class PressedAcceleration(NamedTuple):
 class Layered(NamedTuple):
     """A cloth whose layers are kept apart; `inverse_mass` [1/kg] (N,) is zero for attached vertices.
 
-    `search` lists the pairs that may touch soon: `Searched` in a program.
+    `search` lists the pairs that may touch soon: `Ahead`, then `Searched`, in a program.
     """
 
     state: State
@@ -121,18 +121,33 @@ class Layered(NamedTuple):
     search: Program
 
 
-class Searched(NamedTuple):
-    """A cloth in which pairs that may touch soon are searched for."""
+class Ahead(NamedTuple):
+    """A cloth that is looked at, and where that is noted: `Sight.places`."""
 
     state: State
+    places: FloatArray
+
+
+class Searched(NamedTuple):
+    """A cloth, as it was looked at, in which pairs that may touch soon are searched for; `inverse_mass` as above."""
+
     layers: Layers
-    inverse_mass: NDArray[np.floating]
+    inverse_mass: NDArray[np.float64]
+
+
+@unit
+def look_ahead(g, team, substep, substeps, step):
+    """Note where vertices are and how they go on until the next search."""
+    look(g.state, max(HORIZON, looks_between(step) * step), g.places)
 
 
 @unit
 def search_pairs(g, team, substep, substeps, step):
-    """List the pairs that may touch before the next search."""
-    search(g.layers, g.state, g.inverse_mass, max(HORIZON, looks_between(step) * step))
+    """List the pairs that may touch before the next search.
+
+    It is the same code whatever the precision of the cloth's state.
+    """
+    search(g.layers, g.inverse_mass)
 
 
 @inlined
