@@ -152,6 +152,12 @@ def cut(
     strain_limit: Annotated[
         bool, typer.Option(help="Hold threads back from stretching further than their fabric allows, 4 % if woven.")
     ] = True,
+    loop: Annotated[
+        bool,
+        typer.Option(
+            "--loop", help="Go on until the cape repeats as the clip does: the last frame leads into the first."
+        ),
+    ] = False,
 ) -> "Cut":
     """The cape and how to simulate it."""
     from cape.cli.commands.replay import Cut
@@ -169,4 +175,5 @@ def cut(
         cuts=cuts,
         self_contact=self_contact,
         strain_limit=strain_limit,
+        loop=loop,
     )

@@ -31,6 +31,7 @@ def simulated(
     solver: Solver | Auto | None = None,
     cuts: Cuts | None = DEFAULT_CUTS,
     check_steps: bool = False,
+    loop: bool = False,
 ) -> Take:
     """Simulate, telling on standard error what was decided about the motion and how far it has got.
 
@@ -48,8 +49,9 @@ def simulated(
 
         try:
             return simulate(
-                scene, who.track, solver=solver, cuts=cuts, check_steps=check_steps, name=who.name, progress=progress
-            )
+                scene, who.track, solver=solver, cuts=cuts, check_steps=check_steps, loop=loop, name=who.name,
+                progress=progress,
+            )  # fmt: skip
         except Diverged as error:
             raise ValueRangeError(f"the cape can't be put on: {error}") from error
 

@@ -89,6 +89,18 @@ class Meter:
             kinetic_energy=float(self._calls_for(state).kinetic_energy()),
         )
 
+    def read_still(self, positions: FloatArray, pose: Pose, dtype: type[np.floating]) -> Reading:
+        """Measure a cloth that stands still, in a precision.
+
+        Args:
+            positions: of the vertices as the scene numbers them, in the world [m], shape (V, 3).
+            pose: of the scene's bones, and of the world as the last one, in the world.
+            dtype: of the arrays in which it is measured.
+        """
+        origin = np.round(positions.mean(axis=0))
+        state = State.at_rest(self._assembly.inwards(positions - origin), dtype)
+        return self.read(state, pose.moved(-origin), origin=origin)
+
     def stretch_quantile(self, share: float) -> float:
         """Strain that a share of all strains read so far does not exceed, to a bin of the histogram (1e-4)."""
         counts = np.cumsum(self._histogram)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cape.record.layers import CLOTH_COLOR, OTHER_CLOTH_COLORS
 from cape.results.take import Take
 from cape.scene.colliders import Collider
+from cape.scene.loops import Travel
 from motions.errors import ValueRangeError
 from skeleton.track import BoneTrack
 
@@ -48,6 +49,7 @@ class Worn:
         colliders: of all takes, those of one name once.
         thicknesses: at which each stops the cloth [m], shape (C,).
         left_out: names of the colliders that no cloth can reach.
+        travel: how far the motion gets in a round, where a take loops; None where none does.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Worn:
     colliders: Sequence[Collider]
     thicknesses: NDArray[np.float64]
     left_out: Collection[str]
+    travel: Travel | None
 
 
 def worn_of(takes: Sequence[Take]) -> Worn:
@@ -89,6 +92,7 @@ def worn_of(takes: Sequence[Take]) -> Worn:
         colliders=[collider for collider, _ in first_of.values()],
         thicknesses=np.array([thickness for _, thickness in first_of.values()], dtype=float),
         left_out=set(first_of) - reached,
+        travel=next((take.loop.travel for take in takes if take.loop is not None), None),
     )
 
 

@@ -65,7 +65,7 @@ def save(
     # The viewer keeps a layout for each application.
     application = " ".join(["cape"] + ([tab] if tab != "cape" else []) + (["cloths"] if len(worn.takes) > 1 else []))
     with recording_file(path, application=application, name=worn.name, blueprint=blueprint, size=size) as stream:
-        log_character(stream, worn.bones, frames)
+        log_character(stream, worn.bones, frames, worn.travel)
         for one, cloth in zip(worn.takes, worn.cloths, strict=True):
             if "cape" in asked:
                 log_cape(stream, one, frames, path=cloth.path, color=cloth.color)
@@ -82,7 +82,7 @@ def save(
         if "shells" in asked:
             log_shells(stream, worn.bones, worn.colliders, worn.thicknesses, frames)
         if "floor" in asked:
-            log_floor(stream, worn.bones, worn.colliders, frames)
+            log_floor(stream, worn.bones, worn.colliders, frames, worn.travel)
 
 
 def save_hitboxes(

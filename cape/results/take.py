@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.measure.contact_points import ContactPoints
+from cape.results.loop import Loop
 from cape.scene.colliders import Collider
 from cape.scene.scene import Scene
 from skeleton.robot.link_surfaces import LinkSurface
@@ -69,6 +70,7 @@ class Take:
         jumps: frames at which the bones had jumped and the cloth was carried along or put on anew.
         renewed: those of the jumps at which it was put on anew.
         step_errors: what the time step has cost in accuracy, where that was measured, part by part of the motion.
+        loop: how well its last frame leads into its first, None where it was not made to.
         result: "finished", "finished with warnings", "diverged at frame N", or "stopped at frame N" by the user.
         warnings: what to look at, a sentence each.
     """
@@ -96,6 +98,7 @@ class Take:
     jumps: tuple[int, ...] = ()
     renewed: tuple[int, ...] = ()
     step_errors: tuple[StepError, ...] = ()
+    loop: Loop | None = None
     result: str = "finished"
     warnings: tuple[str, ...] = field(default=())
 

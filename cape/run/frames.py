@@ -1,7 +1,8 @@
 """The frames of a run, as they are stepped and kept."""
 
 import time
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,11 @@ from cape.results.take import StepError, Take
 from cape.run.auto import AutoSimulation
 from cape.run.simulation import Simulation
 from cape.run.step_error import ScheduledWatch, schedule
-from cape.scene.poses import poses_of
+from cape.scene.poses import poses_of, read_pose
 from cape.scene.scene import Scene
 from skeleton.track import BoneTrack
+
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class Frames:
     """
 
     def __init__(self, simulation: Simulation, scene: Scene, track: BoneTrack, *, check_steps: bool) -> None:
-        """Keep the first frame, of a simulation that was started; `scene` has all colliders, also those left out."""
+        """Keep the first frame, where the simulation is; `scene` has all colliders, also those left out."""
         self._simulation, self._scene, self._track = simulation, scene, track
         self._poses, self._all_poses = poses_of(track, simulation.bones), poses_of(track, scene.bones)
         self._steps = np.diff(track.times)
@@ -42,6 +45,7 @@ class Frames:
         self._readings = []
         self._jumps: list[int] = []
         self._renewed: list[int] = []
+        self._counted = simulation.jumps, simulation.renewed
         self._solve_s = 0.0
         self._checks = ScheduledWatch(simulation, schedule(scene, track.times)) if check_steps else None
         self._keep(0)
@@ -50,6 +54,16 @@ class Frames:
     def count(self) -> int:
         """How many there are."""
         return min(len(self._positions), len(self._readings))
+
+    @property
+    def positions(self) -> Sequence[NDArray[np.float32]]:
+        """Of the vertices in the world at each of them [m], shape (V, 3) each."""
+        return self._positions
+
+    @property
+    def solve_s(self) -> float:
+        """Time spent on their steps [s]."""
+        return self._solve_s
 
     def step(self, frame: int) -> None:
         """Step to a frame of the track, which is the next.
@@ -63,11 +77,38 @@ class Frames:
         self._solve_s += time.perf_counter() - begun
         if self._checks is not None:
             self._checks.note(pose, dt)
-        if self._simulation.jumps > len(self._jumps):
+        jumps, renewed = self._simulation.jumps, self._simulation.renewed
+        if jumps > self._counted[0]:
             self._jumps.append(frame)
-        if self._simulation.renewed > len(self._renewed):
+        if renewed > self._counted[1]:
             self._renewed.append(frame)
+        self._counted = jumps, renewed
         self._keep(frame)
+
+    def run(self, progress: Callable[[int], None]) -> None:
+        """Step through all frames of the track, telling after each how many there are.
+
+        Raises:
+            Diverged: the cloth explodes; the frames before are kept.
+        """
+        for frame in range(1, self._track.frames):
+            self.step(frame)
+            progress(frame + 1)
+
+    def pass_over(self, other: "Frames", shares: FloatArray) -> None:
+        """Pass over to a share of the same frames of another run, shape (F,), and measure all of them anew.
+
+        Kinetic energies are mixed by the same shares.
+        """
+        simulation, bones = self._simulation, self._scene.bones
+        self._meter, dtype = simulation.meter(self._scene), simulation.solver.dtype(simulation.assembly)
+        energies = [[r.kinetic_energy for r in run._readings] for run in (self, other)]
+        mixed = (1.0 - shares) * energies[0] + shares * energies[1]
+        self._positions = list(mix(self._positions, other._positions, shares))
+        self._readings = [
+            replace(self._meter.read_still(places.astype(float), read_pose(pose, bones), dtype), kinetic_energy=energy)
+            for places, pose, energy in zip(self._positions, self._all_poses, mixed.tolist(), strict=True)
+        ]
 
     def take(self, name: str, times: Times, reach: Reach | None) -> Take:
         """All frames so far; `reach` tells what was left out."""
@@ -96,11 +137,12 @@ class Frames:
             contacts=ContactPoints.joined([r.contacts for r in readings]),
             jumps=tuple(frame for frame in self._jumps if frame < frames),
             renewed=tuple(frame for frame in self._renewed if frame < frames),
-            step_errors=self._errors,
+            step_errors=self.step_errors,
         )
 
     @property
-    def _errors(self) -> tuple[StepError, ...]:
+    def step_errors(self) -> tuple[StepError, ...]:
+        """What the time step has cost in accuracy, where that was measured."""
         if self._checks is not None:
             return tuple(self._checks.errors)
         return tuple(self._simulation.errors) if isinstance(self._simulation, AutoSimulation) else ()
@@ -108,3 +150,11 @@ class Frames:
     def _keep(self, frame: int) -> None:
         self._readings.append(self._simulation.read(self._meter, self._all_poses[frame]))
         self._positions.append(self._simulation.positions.astype(np.float32))
+
+
+def mix(
+    first: Sequence[NDArray[np.float32]], second: Sequence[NDArray[np.float32]], shares: FloatArray
+) -> Iterator[NDArray[np.float32]]:
+    """Positions between those of two runs [m], (V, 3) for each frame: a share of the second's, shape (F,)."""
+    for a, b, share in zip(first, second, shares, strict=True):
+        yield a if share == 0.0 else b if share == 1.0 else (a + share * (b - a)).astype(np.float32)

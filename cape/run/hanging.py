@@ -285,15 +285,8 @@ class Hanging:
         if self.assembly.carried:
             before = self._held_points(self.pose)
             rotation, shift = rigid_motion(before, self._held_points(pose))
-            places = np.stack(self.state[:3], axis=1) @ rotation.T + shift
-            velocities = np.stack(self.state[3:], axis=1) @ rotation.T
-            moved = np.round(places.mean(axis=0))
-            for component, values in zip(self.state, (*(places - moved).T, *velocities.T), strict=True):
-                component[:] = values
-            self.origin = self.origin + moved
+            moved = self._turn(rotation, shift)
             pose = pose.moved(-moved)
-            if self.assembly.layers is not None:
-                self_contact.turn(self.assembly.layers, rotation)
             if attached is not None:
                 # How the jump has changed the bones' places to each other is caught up with slowly.
                 carried = before[: len(attached.vertices)] @ rotation.T + shift - moved
@@ -301,6 +294,28 @@ class Hanging:
         self.pose = pose
         self._aim()
         self.look()
+
+    def move(self, rotation: FloatArray, shift: FloatArray, pose: Pose) -> None:
+        """Move the cloth and its bones as a whole, by a turn (3, 3) about the world's origin and then a shift [m] (3,).
+
+        `pose` is where the bones are then, about `origin`.
+        """
+        moved = self._turn(rotation, rotation @ self.origin + shift - self.origin)
+        self.pose = pose.moved(-moved)
+        self._aim()
+        self.look()
+
+    def _turn(self, rotation: FloatArray, shift: FloatArray) -> FloatArray:
+        """Turn the cloth about `origin` and then shift it [m]; gives how far the origin has come along [m], (3,)."""
+        places = np.stack(self.state[:3], axis=1) @ rotation.T + shift
+        velocities = np.stack(self.state[3:], axis=1) @ rotation.T
+        moved = np.round(places.mean(axis=0))
+        for component, values in zip(self.state, (*(places - moved).T, *velocities.T), strict=True):
+            component[:] = values
+        self.origin = self.origin + moved
+        if self.assembly.layers is not None:
+            self_contact.turn(self.assembly.layers, rotation)
+        return moved
 
     def _held_points(self, pose: Pose) -> FloatArray:
         """Where bones hold vertices at a pose [m], hard ones first, shape (n, 3)."""

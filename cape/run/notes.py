@@ -24,7 +24,7 @@ class SlowWarning(UserWarning):
 
 def notes_on(simulation: Simulation, take: Take, cuts: Cuts | None) -> list[str]:
     """What to look at in a run, a sentence each: its steps, its errors, jumps of the bones."""
-    return _on_steps(simulation) + _on_errors(simulation) + _on_jumps(take, cuts)
+    return _on_steps(simulation) + _on_errors(simulation) + _on_jumps(take, cuts) + _on_loop(take)
 
 
 def _on_steps(simulation: Simulation) -> list[str]:
@@ -76,6 +76,24 @@ def _on_jumps(take: Take, cuts: Cuts | None) -> list[str]:
             f"put on anew {anew} times, where limbs would have been in it or what holds it parted, else carried along"
         )
     return [f"the bones jump at frame {named}{more}: the cape was {done}"]
+
+
+def _on_loop(take: Take) -> list[str]:
+    """Tell where a motion does not begin again, or the cloth does not."""
+    loop, notes = take.loop, []
+    if loop is None:
+        return []
+    if not loop.travel.loops:
+        notes.append(
+            f"the clip doesn't loop: at its end {loop.travel.bone} is {loop.travel.gap:.2f} m from where it begins, so "
+            "that it jumps there, and the cape with it"
+        )
+    if not loop.repeats:
+        notes.append(
+            f"the cape doesn't repeat within {1e3 * loop.bound:g} mm in {loop.rounds} rounds: up to "
+            f"{1e3 * loop.gap:.0f} mm are blended away in frames {loop.blended[0]} to {loop.blended[1]}"
+        )
+    return notes
 
 
 def forewarn(simulation: Simulation, steps: FloatArray) -> None:

@@ -14,9 +14,11 @@ from cape.results.take import Take
 from cape.results.verdict import warnings_of
 from cape.run.auto import Auto, AutoSimulation
 from cape.run.frames import Frames, Times
+from cape.run.looping import Laps
 from cape.run.notes import SlowWarning, forewarn, notes_on
 from cape.run.simulation import DEFAULT_CUTS, Diverged, Simulation
 from cape.scene.jumps import Cuts
+from cape.scene.loops import round_of
 from cape.scene.poses import poses_of
 from cape.scene.scene import Scene
 from cape.solvers import Solver
@@ -41,6 +43,7 @@ def simulate(
     cuts: Cuts | None = DEFAULT_CUTS,
     check_steps: bool = False,
     ledger: Ledger | None = None,
+    loop: bool = False,
     name: str = "take",
     progress: Callable[[int, int], None] | None = None,
 ) -> Take:
@@ -57,6 +60,9 @@ def simulate(
         cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
         check_steps: measure what the time step costs in accuracy, in parts of the motion.
         ledger: to account for the energy of the run; None for none.
+        loop: go on, round after round, until the cloth repeats as the motion does, and give a round that leads from its
+            last frame into its first (`Take.loop` tells how well). A last frame that is the first once more is left
+            out, `check_steps` measures the first round, and the rounds before the one that is given count as settling.
         name: what the take is called.
         progress: called after each frame with the number of frames done and of all.
 
@@ -68,13 +74,19 @@ def simulate(
 
     Raises:
         UnknownNameError: the scene uses a bone that the track has not.
-        ValueRangeError: the track has a single frame, the cloth can't be put on, or a ledger is given with an `Auto`.
+        ValueRangeError: the track has a single frame, the cloth can't be put on, or a ledger is given with an `Auto` or
+            for a loop.
         Diverged: the cloth explodes before the first frame.
     """
     if track.frames < 2:
         raise ValueRangeError("a motion of one frame can't be simulated: at least two are needed")
+    if loop and ledger is not None:
+        raise ValueRangeError("a ledger keeps the accounts of one run from its start: leave it out of a loop")
     if fps is not None:
         track = track.resample(fps)
+    travel = None
+    if loop:
+        track, travel = round_of(track)
     reach = reach_of(scene, track) if cull else None
     simulation = _simulation_of(scene if reach is None else reach.cull(scene), solver, threads, cuts, ledger)
     first_pose = poses_of(track.first(1), simulation.bones)[0]
@@ -89,18 +101,22 @@ def simulate(
     if isinstance(simulation, AutoSimulation):
         simulation.expect(poses_of(track, simulation.bones)[1:], np.diff(track.times))
 
-    frames, result, trouble = Frames(simulation, scene, track, check_steps=check_steps), "finished", []
+    frames, looped = Frames(simulation, scene, track, check_steps=check_steps), None
+    result, trouble = "finished", []
     try:
-        for frame in range(1, track.frames):
-            frames.step(frame)
-            if progress is not None:
-                progress(frame + 1, track.frames)
+        frames.run(lambda done: progress(done, track.frames) if progress else None)
+        if travel is not None:
+            looped = Laps(simulation, scene, track, travel).run(frames, progress)
     except Diverged as error:
         result, trouble = f"diverged at frame {frames.count}", [str(error)]
     except KeyboardInterrupt:
         result = f"stopped at frame {frames.count}"
 
-    take = frames.take(name, times, reach)
+    if looped is None:
+        take = frames.take(name, times, reach)
+    else:
+        times = replace(times, settle_s=times.settle_s + looped.other_s)
+        take = replace(looped.frames.take(name, times, reach), step_errors=frames.step_errors, loop=looped.loop)
     notes = trouble + notes_on(simulation, take, cuts) + warnings_of(take)
     if notes and result == "finished":
         result = "finished with warnings"

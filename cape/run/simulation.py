@@ -21,6 +21,7 @@ from cape.scene.poses import Bones, Pose, read_pose
 from cape.scene.scene import Scene
 from cape.solvers import Solver, SymplecticEuler
 from cape.solvers.threads import threads_for
+from motions import quaternions
 from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
@@ -251,11 +252,35 @@ class Simulation:
         """The solvers that a run may use."""
         return (self.solver,)
 
-    def step(self, bones: Bones, dt: float) -> None:
+    def move(self, position: ArrayLike, rotation_wxyz: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> None:
+        """Move the cloth and its bones as a whole: turned about the world's origin, then shifted.
+
+        It goes on from there as it was, shape and speeds turned with it. What stands in the world stays where it is.
+
+        Args:
+            position: the shift [m], shape (3,).
+            rotation_wxyz: unit quaternion (w, x, y, z), shape (4,).
+
+        Raises:
+            ValueRangeError: the simulation has not been started, a number is not finite, or the quaternion is zero.
+        """
+        cloth = self._started
+        here = Pose(*cloth.pose).moved(cloth.origin).without_world()
+        shift = _vector(position, "position")
+        there = read_pose(here.turned(np.asarray(rotation_wxyz, dtype=float)).moved(shift), self.bones)
+        turn = quaternions.normalize(np.asarray(rotation_wxyz, dtype=float))
+        cloth.move(quaternions.to_matrix(turn), shift, there.moved(-cloth.origin))
+
+    def step(self, bones: Bones, dt: float, *, jumped: bool = False) -> None:
         """Advance the cloth by `dt` [s], in which the bones move from where they were to the given pose.
 
         Starts the simulation with that pose if it has not been started. A step that explodes is taken back and done
         again with half the step, or as small a one as the solver would have chosen.
+
+        Args:
+            bones: the pose at the end of the step.
+            dt: its length [s].
+            jumped: whether the bones have jumped to that pose, however near it is; otherwise `cuts` tells.
 
         Raises:
             UnknownNameError: a bone's pose is missing.
@@ -269,9 +294,10 @@ class Simulation:
         cloth = self._started
         cloth.recenter()
         pose = read_pose(bones, self.bones)
-        if self.cuts is not None and self.cuts.between(cloth.pose, pose.moved(-cloth.origin), dt, cloth.holding):
+        cuts = self.cuts or DEFAULT_CUTS if jumped else self.cuts
+        if cuts is not None and (jumped or cuts.between(cloth.pose, pose.moved(-cloth.origin), dt, cloth.holding)):
             self.jumps += 1
-            cloth = self._jump(pose, self.cuts)
+            cloth = self._jump(pose, cuts)
         pose = pose.moved(-cloth.origin)
         self.substeps = cloth.choose_substeps(dt, strained=cloth.strained)
         with cloth.taken_back() as before:

@@ -23,6 +23,12 @@ class Pose(NamedTuple):
         """Give the pose that lies a vector [m] further on."""
         return Pose(self.positions + shift, self.rotations_wxyz)
 
+    def turned(self, rotation_wxyz: FloatArray) -> "Pose":
+        """Give the pose turned about the origin by a unit quaternion wxyz, shape (4,)."""
+        return Pose(
+            quaternions.rotate(rotation_wxyz, self.positions), quaternions.multiply(rotation_wxyz, self.rotations_wxyz)
+        )
+
     def towards(self, other: "Pose", share: float) -> "Pose":
         """A pose on the way to another one, 0 to 1 of it: straight, turning at an even rate."""
         return Pose(

@@ -114,7 +114,7 @@ def _recording(reading: Reading, cut: Cut, hitboxes: str | None) -> Path | None:
 def _replay(reading: Reading, cut: Cut, path: Path, hitboxes: str | None) -> bool:
     """Simulate and record; False where that was interrupted."""
     who = read_character(reading, hitboxes=hitboxes)
-    take = simulated(cut.scene(who), who, solver=cut.method(), cuts=cut.way_at_cuts())
+    take = simulated(cut.scene(who), who, solver=cut.method(), cuts=cut.way_at_cuts(), loop=cut.loop)
     take.save(path, surfaces=who.surfaces)
     print_rows([("result", take.result), *(("", warning) for warning in take.warnings)])
     return not take.result.startswith("stopped")

@@ -10,6 +10,7 @@ from cape.assembly.self_contact import contact_thickness
 from cape.cli.character import Character, read_character
 from cape.cli.figures.checking import check_rows, checked, step_error_facts, step_error_rows
 from cape.cli.figures.fitting import fit_facts, fit_rows
+from cape.cli.figures.looping import loop_facts, loop_rows
 from cape.cli.figures.retargeting import retarget_facts, retarget_rows
 from cape.cli.figures.rows import print_rows
 from cape.cli.output import open_viewer, output_path
@@ -52,6 +53,7 @@ class Cut:
     cuts: str = "carry"
     self_contact: bool | None = None
     strain_limit: bool = True
+    loop: bool = False
 
     def scene(self, who: Character) -> Scene:
         """The cape on a character.
@@ -127,7 +129,7 @@ def run(
     who = read_character(reading, hitboxes=hitboxes)
     path = output_path(output, who.name)
     track, scene = who.track, cut.scene(who)
-    take = simulated(scene, who, solver=cut.method(), cuts=cut.way_at_cuts(), check_steps=check)
+    take = simulated(scene, who, solver=cut.method(), cuts=cut.way_at_cuts(), check_steps=check, loop=cut.loop)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         take.save(path, layers=layers, surfaces=who.surfaces)
@@ -172,6 +174,7 @@ def _facts(take: Take, scene: Scene, bones: int, notes: list[str], path: Path) -
         "penetration_max_mm": round(float(take.penetration.max()) * 1000.0, 3),
         "self_contact_mm": None if scene.self_contact is None else round(1000.0 * contact_thickness(scene), 3),
         "left_out": dict(take.left_out),
+        **loop_facts(take.loop),
         "jumps": list(take.jumps),
         "put_on_anew": list(take.renewed),
         "result": take.result,
@@ -201,6 +204,7 @@ def _print_table(take: Take, facts: dict[str, Any]) -> None:
         ("largest stretch", stretch),
         *fit_rows(facts),
         ("deepest penetration", penetration),
+        *loop_rows(facts),
         *check_rows(facts.get("check", {})),
         ("result", facts["result"]),
         *(("", note) for note in facts["warnings"]),

@@ -129,10 +129,25 @@ class AutoSimulation(Simulation):
         self._course = None
         self._ahead = Ahead([Coming(pose, float(dt)) for pose, dt in zip(told, durations, strict=True)])
 
-    def step(self, bones: Bones, dt: float) -> None:
+    def move(self, position: ArrayLike, rotation_wxyz: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> None:
+        """Move the cloth as `Simulation.move` does; poses that were expected are forgotten."""
+        super().move(position, rotation_wxyz)
+        self._forget()
+
+    def _forget(self) -> None:
+        """Know nothing of what comes next, and compare no part that has begun."""
+        self._ahead, self._course, self._open, self._rest = Ahead([]), None, None, 0.0
+
+    def step(self, bones: Bones, dt: float, *, jumped: bool = False) -> None:
         """Advance the cloth as `Simulation.step` does, and look now and then whether the steps suit."""
         if self._cloth is None:
             self.start(bones)
+        if jumped:
+            self._forget()
+            self._take_steps(dt)
+            super().step(bones, dt, jumped=True)
+            self._time += dt
+            return
         if self._budget is not None:
             self._take_steps(dt)
             begun = self._clock()

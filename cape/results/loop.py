@@ -1,0 +1,30 @@
+"""How well a take loops."""
+
+from dataclasses import dataclass
+
+from cape.scene.loops import Travel
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A take that leads from its last frame into its first one.
+
+    Attributes:
+        travel: how far the bones get in a round.
+        rounds: of the motion that were simulated, the one that the take shows included.
+        gap: largest distance of a vertex in one of the blended frames from where it was a round before [m], each round
+            in its own frame.
+        bound: below which the cloth is taken to repeat [m].
+        blended: first and last frame over which the one round passes into the other.
+    """
+
+    travel: Travel
+    rounds: int
+    gap: float
+    bound: float
+    blended: tuple[int, int]
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the cloth came back to where it was a round before."""
+        return self.gap <= self.bound
