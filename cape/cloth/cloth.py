@@ -275,12 +275,14 @@ class GridCloth(Cloth):
         gathers: for each cell the width of the cloth that is gathered into it, divided by its own, shape (rows - 1,
             columns - 1); None where nothing is gathered. Sewn down in its folds, that cloth has all of its weight and
             all of its warp threads, and is drawn across as a single layer is.
+        seams: columns along which its panels are sewn together, as drawings show it.
     """
 
     rows: int
     columns: int
     darted: bool = False
     gathers: FloatArray | None = None
+    seams: tuple[int, ...] = ()
 
     @property
     def places_at_rest(self) -> FloatArray:

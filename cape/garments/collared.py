@@ -23,6 +23,8 @@ CLEARANCE = 0.0015  # m between the garment as it is cut and what stops it
 STEEPEST = 0.9  # descent of the yoke per way outwards: beyond the shoulders' edge it does not follow the body
 COLLAR = 0.045  # of the body's height: width of the collar, which the chest holds
 HEM_LAYERS = 3.0  # of fabric in the sewn hem; the collar has twice as many
+SEAMS = (np.pi / 2.0, -np.pi / 2.0)  # from the middle of the back to the left [rad]: over the shoulders
+CLASPED = 1.0  # rad around the neck that a clasp may span
 NAPE = 0.5  # rad to either side of the middle of the back: beyond it the neck's sides begin
 STIFF = 0.6  # rad around the neck, over which a collar is even
 SPACING = 0.0252  # of the body's height, for about as many vertices as a cape that hangs from the shoulders
@@ -135,9 +137,19 @@ def lay_out(
         fabric=fabric,
         gathers=_gathers(rings, down, edge, columns),
         layers=tailoring.sewn_edges(places, rows, columns, HEM_LAYERS),
-        regions={**tailoring.grid_regions(rows, columns), "collar": np.arange(collar * columns)},
+        seams=tuple(int(np.abs(angles - at).argmin()) for at in SEAMS if angles[-1] < at < angles[0]),
+        regions={**tailoring.grid_regions(rows, columns), **_fastened(collar, angles)},
     )
     return cloth, places[:collar].reshape(-1, 3)
+
+
+def _fastened(collar: int, angles: FloatArray) -> dict[str, NDArray[np.int64]]:
+    """The vertices of the collar, of so many rows, and of both ends of a clasp where its ends are close."""
+    columns, row = len(angles), collar // 2
+    regions = {"collar": np.arange(collar * columns)}
+    if 2.0 * np.pi - (angles[0] - angles[-1]) < CLASPED:
+        regions["clasp"] = np.array([row * columns, (row + 1) * columns - 1])
+    return regions
 
 
 def _gathers(rings: FloatArray, down: FloatArray, edge: int, columns: int) -> FloatArray:

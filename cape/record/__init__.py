@@ -5,6 +5,7 @@ What is in a recording, by entity path (an interface: scripts may rely on it):
 | Layer | Entity | Archetype | Every frame | Once |
 |---|---|---|---|---|
 | cape | `/world/cape` | Mesh3D | vertex positions, normals | triangles, texture coordinates, textures |
+| cape | `/world/clasp` | Mesh3D, Transform3D | where both ends of the collar are | a boss for each and a cord |
 | robot | `/world/robot/<bone>` | Transform3D | where the bone is | |
 | robot | `/world/robot/<bone>/<name>` | Mesh3D | | everything: a mesh of the link that the bone carries |
 | skeleton | `/world/skeleton` | LineStrips3D | a strip from each bone's parent to the bone | radius, colour |
@@ -22,7 +23,7 @@ What is in a recording, by entity path (an interface: scripts may rely on it):
 | always | `/world/character` | Transform3D | place and heading of the figure, which the camera follows | |
 
 Of several cloths on one character, `save([cape, skirt], ...)`, each has paths of its own: `/world/cloths/<name>`,
-`/world/contacts/<name>/...` and `/plots/stretch/<name>`, `/plots/penetration/<name>`, `/plots/kinetic_energy/<name>`.
+`/world/clasps/<name>`, `/world/contacts/<name>/...` and `/plots/stretch/<name>`, `/plots/penetration/<name>`, `/plots/kinetic_energy/<name>`.
 
 Lengths are metres in a right-handed world with Z up, in single precision. A row stands on two timelines: `frame`, the
 frame's number, and `time`, its time [s] as a duration.

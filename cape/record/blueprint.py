@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from cape.cloth.looks.look import Color
 from cape.record.solids import labelled, plane_paths
 from cape.record.stage import BACKGROUND, DARK_BACKGROUND, darkened_floor
 from cape.record.surfaces.textures import albedo, plain
@@ -20,7 +21,6 @@ Overrides = dict[Any, Any]
 EYE = (-1.27, -0.78, 0.31)
 EYE_TARGET = (0.0, 0.0, 0.0)
 SEE_THROUGH = 110  # opacity of 255 of a cape that hides contacts
-LINING_COLOR = (58, 66, 104)
 BODY_COLOR = (128, 134, 144)
 BODY_LINE_COLOR = (98, 102, 110)  # darker, as lines are not lit
 
@@ -31,7 +31,7 @@ def layout(
     colliders: Sequence[Collider] = (),
     *,
     tab: str = "cape",
-    cloths: Sequence[str] = ("/world/cape",),
+    linings: Mapping[str, Color] | None = None,
 ) -> rrb.Blueprint:
     """A view that follows the figure from behind, a second one for debugging contact a tab away, the curves below.
 
@@ -43,15 +43,16 @@ def layout(
         height: of the skeleton [m], which the views are to hold.
         colliders: that are in the layer of hitboxes.
         tab: "cape" or "hitboxes", which of the two is in front.
-        cloths: paths of the cloths.
+        linings: colours of the cloths' insides by the cloths' paths; None for no cloth.
     """
     import rerun.blueprint as rrb
 
-    scene = _scene(layers, height, colliders, tab, cloths)
+    linings = linings or {}
+    scene = _scene(layers, height, colliders, tab, linings)
     time = rrb.TimePanel(timeline="time", state="collapsed", play_state="playing", loop_mode="all")
     if "plots" not in layers:
         return rrb.Blueprint(scene, time, collapse_panels=True)
-    legend = rrb.PlotLegend(visible=len(cloths) > 1)
+    legend = rrb.PlotLegend(visible=len(linings) > 1)
     curves = rrb.Horizontal(
         *(
             rrb.TimeSeriesView(origin=f"/plots/{entity}", name=title, plot_legend=legend)
@@ -66,7 +67,7 @@ def layout(
 
 
 def _scene(
-    layers: Collection[str], height: float, colliders: Sequence[Collider], tab: str, cloths: Sequence[str]
+    layers: Collection[str], height: float, colliders: Sequence[Collider], tab: str, linings: Mapping[str, Color]
 ) -> rrb.View | rrb.Container:
     import rerun.blueprint as rrb
 
@@ -74,24 +75,29 @@ def _scene(
     if "cape" not in layers:
         return _view("hitboxes" if debugging else "scene", height, overrides=labelled(colliders), dark=bool(debugging))
     if not debugging:
-        return _view("cape", height, overrides=_two_sided(cloths))
+        return _view("cape", height, overrides=_two_sided(linings))
     hidden = ["/world/shells", "/world/contacts", *plane_paths(colliders)]
     body = _unseen("/world/hitboxes", "/world/colliders", "/world/skeleton") if "robot" in layers else _mannequin()
     return rrb.Tabs(
-        _view("cape", height, overrides=_two_sided(cloths) | body, hidden=hidden),
-        _view("hitboxes", height, overrides=labelled(colliders) | _two_sided(cloths, SEE_THROUGH), dark=True),
+        _view("cape", height, overrides=_two_sided(linings) | body, hidden=hidden),
+        _view("hitboxes", height, overrides=labelled(colliders) | _two_sided(linings, SEE_THROUGH), dark=True),
         active_tab=tab,
     )
 
 
-def _two_sided(cloths: Sequence[str], opacity: int = 255) -> Overrides:
+def _two_sided(linings: Mapping[str, Color], opacity: int = 255) -> Overrides:
     """Draw each mesh twice, its back with the lining: a second mesh for the lining would double the file."""
     import rerun as rr
 
     tint: dict[str, Any] = {} if opacity == 255 else {"albedo_factor": (255, 255, 255, opacity)}
     outside = rr.Mesh3D.from_fields(face_rendering="Front", **tint)
-    lining = rr.Mesh3D.from_fields(face_rendering="Back", **tint, **albedo(plain(LINING_COLOR)))
-    return {path: [outside.visualizer(), lining.visualizer()] for path in cloths}
+    return {
+        path: [
+            outside.visualizer(),
+            rr.Mesh3D.from_fields(face_rendering="Back", **tint, **albedo(plain(color))).visualizer(),
+        ]
+        for path, color in linings.items()
+    }
 
 
 def _mannequin() -> Overrides:

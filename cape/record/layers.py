@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.cloth.looks.look import Color, Look
+from cape.cloth.looks.registry import LOOKS
+from cape.cloth.looks.sewn import texture_of
 from cape.record.frames import Frames, send_once
 from cape.record.surfaces.normals import vertex_normals
-from cape.record.surfaces.textures import albedo, woven
+from cape.record.surfaces.textures import albedo, plain
 from motions.errors import UnknownNameError
 from skeleton.track import BoneTrack
 
@@ -22,8 +25,6 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 LAYERS = ("cape", "robot", "skeleton", "hitboxes", "shells", "contacts", "floor", "plots")
-CLOTH_COLOR = (190, 22, 48)
-OTHER_CLOTH_COLORS = ((38, 84, 148), (52, 120, 76), (150, 96, 30), (104, 58, 132))  # of more cloths on one character
 BONE_COLOR = (225, 230, 238)
 BONE_RADIUS = 0.012  # [m], thin enough to be seen as a line inside a forearm's capsule
 
@@ -45,15 +46,16 @@ def log_cape(
     frames: Frames,
     *,
     path: str = "/world/cape",
-    color: tuple[int, int, int] = CLOTH_COLOR,
+    look: Look = LOOKS["cape"],
 ) -> None:
     """Put the cloth on its path: the texture of its outside on both sides; the blueprint draws the lining."""
     import rerun as rr
 
+    texture = plain(look.color) if take.cloth is None else texture_of(take.cloth, look)
     send_once(
         stream,
         path,
-        rr.Mesh3D.from_fields(triangle_indices=take.triangles, vertex_texcoords=take.texcoords, **albedo(woven(color))),
+        rr.Mesh3D.from_fields(triangle_indices=take.triangles, vertex_texcoords=take.texcoords, **albedo(texture)),
     )
     for block in frames.blocks(2 * take.positions[0].nbytes):
         positions = take.positions[frames.numbers[block]]
@@ -97,7 +99,7 @@ def log_plots(
     frames: Frames,
     *,
     cloth: str | None = None,
-    cloth_color: tuple[int, int, int] = CLOTH_COLOR,
+    cloth_color: Color = LOOKS["cape"].color,
 ) -> None:
     """Put the curves of a take under `/plots`; of one of several cloths below its name, in its colour."""
     import rerun as rr

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import cycle
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.record.layers import CLOTH_COLOR, OTHER_CLOTH_COLORS
+from cape.cloth.looks.look import Look
+from cape.cloth.looks.registry import LOOKS, look_of
 from cape.results.take import Take
 from cape.scene.colliders import Collider
 from cape.scene.loops import Travel
 from motions.errors import ValueRangeError
 from skeleton.track import BoneTrack
 
+OTHER_COLORS = ((38, 84, 148), (52, 120, 76), (150, 96, 30), (104, 58, 132))  # of more cloths of one look
 SAME = 1e-9  # m and parts of a quaternion by which takes of one motion may differ
 
 
@@ -27,13 +29,15 @@ class ClothEntity:
         name: of the cloth, None where it is the only one.
         path: of its mesh.
         contacts: path above its contacts.
-        color: of its outside, sRGB.
+        clasp: path of what fastens it.
+        look: how it is drawn.
     """
 
     name: str | None
     path: str
     contacts: str
-    color: tuple[int, int, int]
+    clasp: str
+    look: Look
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +90,7 @@ def worn_of(takes: Sequence[Take]) -> Worn:
     return Worn(
         name=" and ".join(names),
         takes=takes,
-        cloths=_entities(names),
+        cloths=_entities(takes),
         bones=bones,
         positions=np.concatenate([take.positions[:frames] for take in takes], axis=1),
         colliders=[collider for collider, _ in first_of.values()],
@@ -96,18 +100,21 @@ def worn_of(takes: Sequence[Take]) -> Worn:
     )
 
 
-def _entities(names: Sequence[str]) -> list[ClothEntity]:
+def _entities(takes: Sequence[Take]) -> list[ClothEntity]:
     import rerun as rr
 
-    if len(names) == 1:
-        return [ClothEntity(None, "/world/cape", "/world/contacts", CLOTH_COLOR)]
-    colors = cycle([CLOTH_COLOR, *OTHER_CLOTH_COLORS])
-    return [
-        ClothEntity(
-            name, rr.new_entity_path(["world", "cloths", name]), rr.new_entity_path(["world", "contacts", name]), color
-        )
-        for name, color in zip(names, colors, strict=False)
-    ]
+    looks: list[Look] = []
+    dyes = cycle(OTHER_COLORS)
+    for take in takes:
+        look = LOOKS["cape"] if take.cloth is None else look_of(take.cloth.fabric)
+        looks.append(replace(look, color=next(dyes), weft=None) if look in looks else look)
+    if len(takes) == 1:
+        return [ClothEntity(None, "/world/cape", "/world/contacts", "/world/clasp", looks[0])]
+    entities = []
+    for take, look in zip(takes, looks, strict=True):
+        paths = [rr.new_entity_path(["world", kind, take.name]) for kind in ("cloths", "contacts", "clasps")]
+        entities.append(ClothEntity(take.name, paths[0], paths[1], paths[2], look))
+    return entities
 
 
 def _require_same_motion(first: BoneTrack, other: BoneTrack, name: str, other_name: str) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterable, Sequence
 import numpy as np
 
 from cape.record.blueprint import layout
+from cape.record.clasp import log_clasp
 from cape.record.contacts import BYTES_PER_CONTACT, log_contacts
 from cape.record.file import recording_file
 from cape.record.frames import Frames
@@ -61,18 +62,20 @@ def save(
     if "contacts" in asked:
         size += BYTES_PER_CONTACT * sum(len(one.contacts.points) for one in worn.takes if one.contacts is not None)
     height = figure_height(worn.bones, frames, surfaces if "robot" in asked else ())
-    blueprint = layout(asked, height, worn.colliders, tab=tab, cloths=[cloth.path for cloth in worn.cloths])
+    linings = {cloth.path: cloth.look.lining for cloth in worn.cloths}
+    blueprint = layout(asked, height, worn.colliders, tab=tab, linings=linings)
     # The viewer keeps a layout for each application.
     application = " ".join(["cape"] + ([tab] if tab != "cape" else []) + (["cloths"] if len(worn.takes) > 1 else []))
     with recording_file(path, application=application, name=worn.name, blueprint=blueprint, size=size) as stream:
         log_character(stream, worn.bones, frames, worn.travel)
         for one, cloth in zip(worn.takes, worn.cloths, strict=True):
             if "cape" in asked:
-                log_cape(stream, one, frames, path=cloth.path, color=cloth.color)
+                log_cape(stream, one, frames, path=cloth.path, look=cloth.look)
+                log_clasp(stream, one, frames, path=cloth.clasp)
             if "contacts" in asked and one.contacts is not None:
                 log_contacts(stream, one.contacts, one.colliders, one.thicknesses, frames, path=cloth.contacts)
             if "plots" in asked:
-                log_plots(stream, one, frames, cloth=cloth.name, cloth_color=cloth.color)
+                log_plots(stream, one, frames, cloth=cloth.name, cloth_color=cloth.look.color)
         if "robot" in asked:
             log_robot(stream, worn.bones, surfaces, frames)
         if "skeleton" in asked:

@@ -8,6 +8,7 @@ from os import PathLike
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.cloth.cloth import Cloth
 from cape.measure.contact_points import ContactPoints
 from cape.results.loop import Loop
 from cape.scene.colliders import Collider
@@ -70,6 +71,7 @@ class Take:
         jumps: frames at which the bones had jumped and the cloth was carried along or put on anew.
         renewed: those of the jumps at which it was put on anew.
         step_errors: what the time step has cost in accuracy, where that was measured, part by part of the motion.
+        cloth: what was simulated, whose fabric tells how it is drawn; None where that is not known.
         loop: how well its last frame leads into its first, None where it was not made to.
         result: "finished", "finished with warnings", "diverged at frame N", or "stopped at frame N" by the user.
         warnings: what to look at, a sentence each.
@@ -98,6 +100,7 @@ class Take:
     jumps: tuple[int, ...] = ()
     renewed: tuple[int, ...] = ()
     step_errors: tuple[StepError, ...] = ()
+    cloth: Cloth | None = None
     loop: Loop | None = None
     result: str = "finished"
     warnings: tuple[str, ...] = field(default=())

@@ -138,6 +138,7 @@ class Frames:
             jumps=tuple(frame for frame in self._jumps if frame < frames),
             renewed=tuple(frame for frame in self._renewed if frame < frames),
             step_errors=self.step_errors,
+            cloth=scene.cloth,
         )
 
     @property

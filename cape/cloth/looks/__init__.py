@@ -1,0 +1,1 @@
+"""How fabrics look: weaves, colours, and the textures made of them."""

@@ -1,0 +1,116 @@
+"""The texture of a whole cloth: its fabric in its own measures, hem, collar's edge and seams."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.cloth.cloth import Cloth, GridCloth
+from cape.cloth.looks.look import Look
+from cape.cloth.looks.maps import TextureArray, maps_of, softened
+from cape.cloth.tailoring import HEM
+
+FloatArray = NDArray[np.floating]
+
+MAGNIFIED = 8.0  # times its true size a weave is drawn: the viewer has no mipmaps, and finer ones would shimmer
+TEXELS = 400_000  # of a cloth
+TILE_TEXELS = 256  # of the piece of fabric that is repeated
+STITCH = 0.011, 0.6  # m from a stitch to the next, of which it takes this share
+SEAM = 0.004  # m, half the width of the furrow of a seam
+WAVES = 5
+MOTTLE = 0.03, 0.22  # how uneven cloth is dyed, as a share of its brightness, and over how much of it [m]
+
+
+def texture_of(cloth: Cloth, look: Look, *, texels: int = TEXELS) -> TextureArray:
+    """Draw a cloth over its texture coordinates in about so many texels, sRGB, shape (height, width, 3)."""
+    across, down, edge, seam, bright = _measures(cloth, texels)
+    texel = float(max(np.abs(np.diff(across, axis=1)).max(), np.abs(np.diff(down, axis=0)).max()))
+    tile = maps_of(look, texels=TILE_TEXELS)
+    pitch = MAGNIFIED * tile.size / TILE_TEXELS
+    fabric = softened(tile.baked, 0.5 * texel / pitch)
+    drawn = fabric[(down / pitch).astype(np.int64) % TILE_TEXELS, (across / pitch).astype(np.int64) % TILE_TEXELS]
+    drawn *= bright[..., None]
+    if look.trim is not None:
+        plain = np.array(look.trim, np.float32) * (drawn.mean(axis=2, keepdims=True) / drawn.mean())
+        drawn += _within(edge, HEM, texel)[..., None] * (plain - drawn)
+    along = np.where(seam < HEM, down, across + down)
+    stitched = (along / STITCH[0]) % 1.0 < STITCH[1]
+    furrow = 0.30 * _near(edge, HEM, texel, texel)
+    furrow += 0.20 * stitched * _near(edge, 0.8 * HEM, 0.6 * texel, texel)
+    furrow += 0.30 * _near(seam, 0.0, SEAM, texel) + 0.20 * stitched * _near(seam, 2.5 * SEAM, 0.6 * texel, texel)
+    drawn *= 1.0 - np.minimum(furrow, 0.5)[..., None]
+    return np.rint(drawn).clip(0, 255).astype(np.uint8)
+
+
+class _Measures(NamedTuple):
+    """For each texel its place across and down in the pattern, how far it is from the nearest edge and from the nearest
+    seam [m], and how bright the cloth is dyed there, about 1; shape (height, width) each."""
+
+    across: FloatArray
+    down: FloatArray
+    edge: FloatArray
+    seam: FloatArray
+    bright: FloatArray
+
+
+def _measures(cloth: Cloth, texels: int) -> _Measures:
+    if not isinstance(cloth, GridCloth):
+        # Texture coordinates are the pattern, the longer side of which goes from 0 to 1.
+        side = round(np.sqrt(texels))
+        places = np.ptp(cloth.pattern, axis=0).max() * (np.arange(side, dtype=np.float32) + 0.5) / side
+        across, down = np.meshgrid(places, places)
+        far = np.full_like(across, np.inf)
+        return _Measures(across, down, far, far, _mottled(across, down))
+    pattern = cloth.pattern.reshape(cloth.rows, cloth.columns, 2)
+    ways = [_ways(pattern, axis) for axis in (1, 0)]
+    width, length = (float(way.max()) for way in ways)
+    size = [max(round(np.sqrt(texels * side)), 1) for side in (length / width, width / length)]
+    to_left, to_top = (_enlarged(way, *size) for way in ways)
+    to_right, to_bottom = (
+        _enlarged(way.max(axis=axis, keepdims=True) - way, *size) for way, axis in zip(ways, (1, 0), strict=True)
+    )
+    seams = [np.abs(_enlarged(ways[0] - ways[0][:, [column]], *size)) for column in cloth.seams]
+    return _Measures(
+        _enlarged(pattern[..., 0], *size),
+        _enlarged(pattern[..., 1], *size),
+        np.minimum.reduce([to_left, to_top, to_right, to_bottom]),
+        np.minimum.reduce(seams) if seams else np.full(size, np.inf, np.float32),
+        _enlarged(_mottled(*np.moveaxis(pattern, 2, 0)), *size),
+    )
+
+
+def _ways(places: FloatArray, axis: int) -> FloatArray:
+    """How far it is along the threads from where they begin [m], of places (rows, columns, 2), along an axis."""
+    steps = np.linalg.norm(np.diff(places, axis=axis), axis=2)
+    return np.insert(np.cumsum(steps, axis=axis), 0, 0.0, axis=axis)
+
+
+def _enlarged(values: FloatArray, height: int, width: int) -> FloatArray:
+    """Values on a grid (rows, columns), on straight lines between them at texels, shape (height, width)."""
+    for axis, count in ((0, height), (1, width)):
+        places = (np.arange(count) + 0.5) / count * (values.shape[axis] - 1)
+        first = np.minimum(places.astype(np.int64), values.shape[axis] - 2)
+        share = np.expand_dims(places - first, 1 - axis)
+        values = (1.0 - share) * values.take(first, axis) + share * values.take(first + 1, axis)
+    return values.astype(np.float32)
+
+
+def _within(distance: FloatArray, width: float, soft: float) -> FloatArray:
+    """1 up to a distance, 0 beyond it, and between the two over `soft` [m]."""
+    return np.clip((width - distance) / soft + 0.5, 0.0, 1.0)
+
+
+def _near(distance: FloatArray, line: float, width: float, soft: float) -> FloatArray:
+    """1 on a line, and down to 0 at a width to either side, at least `soft` [m]."""
+    return np.clip(1.0 - np.abs(distance - line) / max(width, soft), 0.0, 1.0)
+
+
+def _mottled(across: FloatArray, down: FloatArray) -> FloatArray:
+    """How bright cloth is dyed at places [m], about 1: a sum of waves that are no multiples of each other."""
+    depth, wave = MOTTLE
+    rng, total = np.random.default_rng(3), np.zeros(across.shape)
+    for _ in range(WAVES):
+        angle, phase = rng.uniform(0.0, 2.0 * np.pi, 2)
+        rate = 2.0 * np.pi / (wave * rng.uniform(0.6, 1.6))
+        total += np.sin(rate * (np.cos(angle) * across + np.sin(angle) * down) + phase)
+    return (1.0 + depth * total / np.sqrt(WAVES)).astype(np.float32)
