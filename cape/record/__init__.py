@@ -23,7 +23,8 @@ What is in a recording, by entity path (an interface: scripts may rely on it):
 | always | `/world/character` | Transform3D | place and heading of the figure, which the camera follows | |
 
 Of several cloths on one character, `save([cape, skirt], ...)`, each has paths of its own: `/world/cloths/<name>`,
-`/world/clasps/<name>`, `/world/contacts/<name>/...` and `/plots/stretch/<name>`, `/plots/penetration/<name>`, `/plots/kinetic_energy/<name>`.
+`/world/clasps/<name>`, `/world/contacts/<name>/...` and `/plots/stretch/<name>`, `/plots/penetration/<name>`,
+`/plots/kinetic_energy/<name>`.
 
 Lengths are metres in a right-handed world with Z up, in single precision. A row stands on two timelines: `frame`, the
 frame's number, and `time`, its time [s] as a duration.

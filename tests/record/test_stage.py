@@ -1,4 +1,4 @@
-"""The stage of a recording: floor and background, the height that a view holds, the trim of a cape."""
+"""The stage of a recording: floor and background, the height that a view holds, and that a loop shows no seam."""
 
 from dataclasses import replace
 
@@ -6,13 +6,21 @@ import numpy as np
 import pytest
 
 from cape.record.frames import Frames
-from cape.record.stage import BACKGROUND, DARK_BACKGROUND, darkened_floor, figure_height, skeleton_height
-from cape.record.surfaces.textures import HEM_COLOR, woven
+from cape.record.stage import (
+    BACKGROUND,
+    DARK_BACKGROUND,
+    TILE_COLORS,
+    darkened_floor,
+    figure_height,
+    ground,
+    skeleton_height,
+    smoothed_path,
+)
+from cape.scene.colliders import Plane
+from cape.scene.loops import Travel
 from motions import quaternions
 from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
-
-NARROWEST = 15  # texels of a line that stays whole at a quarter of its width, in a view of 900 pixels
 
 
 def light(srgb: np.ndarray) -> np.ndarray:
@@ -51,10 +59,45 @@ def test_a_view_holds_the_head_and_the_feet_of_a_robot():
     assert figure_height(bones, frames, [replace(legs, vertices=0.1 * legs.vertices), still]) == pytest.approx(0.3)
 
 
-def test_the_trim_has_no_line_that_breaks_into_dashes():
-    texture = woven((190, 22, 48)).astype(int)
-    golden = np.abs(texture[256] - HEM_COLOR).sum(axis=1) < 6
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], golden, [0]])))
-    widths = edges[1::2] - edges[::2]
-    assert len(widths) == 2
-    assert widths.min() >= NARROWEST
+def turning(frames: int = 120) -> BoneTrack:
+    """A pelvis that walks on a circle through the origin, half of it in so many frames, and sways once in 40."""
+    share = np.arange(frames) / frames
+    angles = np.pi * share
+    aside = np.stack([-np.sin(angles), np.cos(angles)], axis=1)
+    path = 2.0 * (np.array([0.0, 1.0]) - aside) + 0.05 * np.sin(2.0 * np.pi * 3.0 * share)[:, None] * aside
+    turns = np.stack([np.cos(angles / 2.0), 0.0 * angles, 0.0 * angles, np.sin(angles / 2.0)], axis=1)
+    positions = np.concatenate([path, np.ones((frames, 1))], axis=1)
+    return BoneTrack(
+        ("pelvis",), np.arange(frames) / 60.0, positions[:, None], turns[:, None], roles={"pelvis": "pelvis"}
+    )
+
+
+def test_the_camera_sees_no_seam_in_a_loop():
+    bones = turning()
+    frames, travel = Frames(np.arange(120), bones.times), Travel(np.pi, np.array([0.0, 4.0, 0.0]), 0.0, "pelvis")
+
+    def jolts(path: np.ndarray) -> tuple[float, float]:
+        """Largest third difference at the seams, and within a round [m]."""
+        over = np.concatenate([travel.back(path), path, travel.forth(path)])
+        sizes = np.linalg.norm(np.diff(over, n=3, axis=0), axis=1)
+        return max(sizes[117:120].max(), sizes[237:240].max()), sizes[120:237].max()
+
+    at_seams, within = jolts(smoothed_path(bones, frames, travel))
+    assert at_seams < 1.01 * within
+    at_seams, within = jolts(smoothed_path(bones, frames))
+    assert at_seams > 2.0 * within
+
+
+def test_the_ground_of_a_loop_looks_alike_after_a_round():
+    period = np.array([3.0, 2.0, 0.0])
+    plane = Plane(point=np.array([0.0, 0.0, 0.2]))
+    vertices, _, colors = ground(np.array([[0.0, 0.0, 1.0], [9.0, 6.0, 1.0]]), plane, period)
+    np.testing.assert_allclose(vertices[:, 2], 0.2, atol=1e-6)
+    tiles = vertices.reshape(-1, 4, 3).mean(axis=1)[:, :2]
+    lit = colors.reshape(-1, 4, 3)[:, 0].astype(int)
+    near = np.flatnonzero(np.linalg.norm(tiles - [1.5, 1.0], axis=1) < 1.0)
+    assert len(near) > 4
+    pairs = [np.linalg.norm(tiles - (tiles[k] + period[:2]), axis=1) for k in near]
+    assert max(pair.min() for pair in pairs) < 1e-5
+    np.testing.assert_array_equal(lit[[pair.argmin() for pair in pairs]], lit[near])
+    assert all((lit[near] == color).all(axis=1).any() for color in TILE_COLORS)

@@ -18,9 +18,10 @@ import cape
 import motions
 from cape import record
 from cape.cloth.cloth import areas
+from cape.cloth.looks.registry import LOOKS
 from cape.cloth.triangle_mesh import edges_of
-from cape.record.layers import CLOTH_COLOR, OTHER_CLOTH_COLORS
-from cape.record.surfaces.textures import woven
+from cape.record.surfaces.textures import plain
+from cape.record.worn import OTHER_COLORS
 from cape.results.take import Take
 from motions import quaternions
 from motions.errors import ValueRangeError
@@ -191,12 +192,12 @@ def test_cloths_of_one_character_share_a_recording(tmp_path):
     record.save(takes, tmp_path / "both.rrd")
     both = Read(tmp_path / "both.rrd")
     assert "/world/cape" not in both.entities
-    for take, color in zip(takes, (CLOTH_COLOR, OTHER_CLOTH_COLORS[0]), strict=True):
+    for take, color in zip(takes, (LOOKS["cape"].color, OTHER_COLORS[0]), strict=True):
         path = f"/world/cloths/{take.name}"
         # As many frames as the shorter take has.
         np.testing.assert_array_equal(np.array(both.rows(path, "Mesh3D:vertex_positions")), take.positions[:4])
         (texture,) = both.rows(path, "Mesh3D:albedo_texture_buffer", static=True)
-        assert bytes(texture[0]) == woven(color).tobytes()
+        assert bytes(texture[0]) == plain(color).tobytes()
         stretch = np.array(both.rows(f"/plots/stretch/{take.name}", "Scalars:scalars")).ravel()
         np.testing.assert_allclose(stretch, 100.0 * take.stretch_max[:4])
     (labels,) = both.rows("/world/hitboxes", "Capsules3D:labels", static=True)
