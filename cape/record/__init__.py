@@ -8,6 +8,8 @@ What is in a recording, by entity path (an interface: scripts may rely on it):
 | cape | `/world/clasp` | Mesh3D, Transform3D | where both ends of the collar are | a boss for each and a cord |
 | robot | `/world/robot/<bone>` | Transform3D | where the bone is | |
 | robot | `/world/robot/<bone>/<name>` | Mesh3D | | everything: a mesh of the link that the bone carries |
+| body | `/world/body/<bone>` | Transform3D | where the bone is | |
+| body | `/world/body/<bone>/<name>` | Mesh3D | | everything: a part of the body, where no robot is drawn |
 | skeleton | `/world/skeleton` | LineStrips3D | a strip from each bone's parent to the bone | radius, colour |
 | hitboxes | `/world/hitboxes` | Capsules3D | translations, quaternions | lengths, radii, colours, labels |
 | hitboxes | `/world/colliders/<name>` | Boxes3D, Ellipsoids3D | centre, quaternion, if a bone carries it | the rest |
@@ -35,8 +37,8 @@ whose axes are longer by the thickness at each end. A contact is a vertex within
 the end of a frame: its point lies on the collider's surface, green where the vertex is at the outside of the thickness,
 yellow where it is at the surface, red where it is inside the collider.
 
-The layout that comes along draws the hitboxes twice from the same data: in the tab `cape` as a solid body, in the tab
-`hitboxes` as they are logged, translucent and with their names, with shells and contacts, and a cape to look through.
+The layout that comes along has two tabs: `cape` with the body, or the robot, that wears the cape, and `hitboxes` with
+these, translucent and with their names, with shells and contacts, and a cape to look through.
 """
 
 from cape.record.layers import LAYERS

@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from cape.cloth.looks.look import Color
+from cape.record.body import BODY, BODY_COLOR
 from cape.record.solids import labelled, plane_paths
 from cape.record.stage import BACKGROUND, DARK_BACKGROUND, darkened_floor
 from cape.record.surfaces.textures import albedo, plain
@@ -21,7 +22,6 @@ Overrides = dict[Any, Any]
 EYE = (-1.27, -0.78, 0.31)
 EYE_TARGET = (0.0, 0.0, 0.0)
 SEE_THROUGH = 110  # opacity of 255 of a cape that hides contacts
-BODY_COLOR = (128, 134, 144)
 BODY_LINE_COLOR = (98, 102, 110)  # darker, as lines are not lit
 
 
@@ -77,10 +77,16 @@ def _scene(
     if not debugging:
         return _view("cape", height, overrides=_two_sided(linings))
     hidden = ["/world/shells", "/world/contacts", *plane_paths(colliders)]
-    body = _unseen("/world/hitboxes", "/world/colliders", "/world/skeleton") if "robot" in layers else _mannequin()
+    if "robot" in layers:
+        figure = _unseen("/world/hitboxes", "/world/colliders", "/world/skeleton")
+    elif "body" in layers:
+        figure = _unseen("/world/hitboxes") | _body_lines()
+    else:
+        figure = _mannequin() | _body_lines()
+    see_through = labelled(colliders) | _two_sided(linings, SEE_THROUGH)
     return rrb.Tabs(
-        _view("cape", height, overrides=_two_sided(linings) | body, hidden=hidden),
-        _view("hitboxes", height, overrides=labelled(colliders) | _two_sided(linings, SEE_THROUGH), dark=True),
+        _view("cape", height, overrides=_two_sided(linings) | figure, hidden=hidden),
+        _view("hitboxes", height, overrides=see_through, hidden=[BODY], dark=True),
         active_tab=tab,
     )
 
@@ -101,13 +107,19 @@ def _two_sided(linings: Mapping[str, Color], opacity: int = 255) -> Overrides:
 
 
 def _mannequin() -> Overrides:
-    """Draw the hitboxes as a solid body that wears the cape, and what no capsule covers, such as fingers, like it."""
+    """Draw the hitboxes as a solid body that wears the cape."""
     import rerun as rr
 
     solid = rr.components.FillMode.Solid
     body = rr.Capsules3D.from_fields(fill_mode=solid, colors=[BODY_COLOR], show_labels=False)
-    rest = rr.LineStrips3D.from_fields(colors=[BODY_LINE_COLOR])
-    return {"/world/hitboxes": [body.visualizer()], "/world/skeleton": [rest.visualizer()]}
+    return {"/world/hitboxes": [body.visualizer()]}
+
+
+def _body_lines() -> Overrides:
+    """Draw what no capsule covers, such as fingers, like the body."""
+    import rerun as rr
+
+    return {"/world/skeleton": [rr.LineStrips3D.from_fields(colors=[BODY_LINE_COLOR]).visualizer()]}
 
 
 def _unseen(*paths: str) -> Overrides:

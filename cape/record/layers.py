@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-LAYERS = ("cape", "robot", "skeleton", "hitboxes", "shells", "contacts", "floor", "plots")
+LAYERS = ("cape", "robot", "body", "skeleton", "hitboxes", "shells", "contacts", "floor", "plots")
 BONE_COLOR = (225, 230, 238)
 BONE_RADIUS = 0.012  # [m], thin enough to be seen as a line inside a forearm's capsule
 

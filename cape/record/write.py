@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterable, Sequence
 import numpy as np
 
 from cape.record.blueprint import layout
+from cape.record.body import log_body
 from cape.record.clasp import log_clasp
 from cape.record.contacts import BYTES_PER_CONTACT, log_contacts
 from cape.record.file import recording_file
@@ -78,6 +79,8 @@ def save(
                 log_plots(stream, one, frames, cloth=cloth.name, cloth_color=cloth.look.color)
         if "robot" in asked:
             log_robot(stream, worn.bones, surfaces, frames)
+        if "body" in asked:
+            log_body(stream, worn.bones, worn.colliders, frames)
         if "skeleton" in asked:
             log_skeleton(stream, worn.bones, frames)
         if "hitboxes" in asked:
@@ -135,8 +138,8 @@ def save_hitboxes(
 
 
 def _with_surfaces(asked: Sequence[str], surfaces: Sequence[LinkSurface]) -> tuple[str, ...]:
-    """The asked layers, without the robot's where there is nothing to draw."""
-    return tuple(layer for layer in asked if layer != "robot" or surfaces)
+    """The asked layers, without the robot's where there is nothing to draw, or the body's where there is a robot."""
+    return tuple(layer for layer in asked if layer != ("body" if surfaces else "robot"))
 
 
 def _finite_frames(name: str, bones: BoneTrack, positions: np.ndarray | None = None) -> Frames:

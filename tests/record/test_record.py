@@ -435,8 +435,10 @@ def test_floor_lies_on_the_plane_and_under_the_path(saved: Recording, take: Take
 
 
 OTHERS = ("bench", r"held\/ball", "ground", "club")
+BODY_PARTS = ("Spine", "Spine/spine", "LeftArm", "LeftArm/left_upper_arm", "RightArm", "RightArm/ball")
 EVERY_LAYER = {
     "cape": {"/world/cape"},
+    "body": {f"/world/body/{part}" for part in BODY_PARTS},
     "skeleton": {"/world/skeleton"},
     "hitboxes": {"/world/hitboxes", *(f"/world/colliders/{name}" for name in OTHERS)},
     "shells": {"/world/shells", *(f"/world/shells/{name}" for name in OTHERS)},
@@ -448,7 +450,8 @@ STAGE = {"/world", "/world/character"}
 
 
 @pytest.mark.parametrize(
-    "layers", [["cape"], ["skeleton", "plots"], ["hitboxes"], ["shells"], ["contacts"], ["floor"], ["plots"], []]
+    "layers",
+    [["cape"], ["body"], ["skeleton", "plots"], ["hitboxes"], ["shells"], ["contacts"], ["floor"], ["plots"], []],
 )
 def test_only_the_asked_layers_are_written(tmp_path: Path, take: Take, layers: list[str]):
     take.save(tmp_path / "take.rrd", layers=layers)
@@ -463,7 +466,7 @@ def test_all_layers_by_default(saved: Recording):
 def test_an_unknown_layer_lists_the_known(tmp_path: Path, take: Take):
     with pytest.raises(
         UnknownNameError,
-        match="no layer named 'hat'; available: cape, robot, skeleton, hitboxes, shells, contacts, floor",
+        match="no layer named 'hat'; available: cape, robot, body, skeleton, hitboxes, shells, contacts, floor",
     ):
         take.save(tmp_path / "take.rrd", layers=["cape", "hat"])
     with pytest.raises(
@@ -486,18 +489,27 @@ def test_a_blueprint_and_a_name_come_along(saved: Recording):
     assert saved.array("/__properties", "RecordingInfo:name", static=True).tolist() == [["test take"]]
 
 
-def test_the_layout_draws_hitboxes_as_a_body_and_with_names(saved: Recording):
+def overrides_of_hitboxes(saved: Recording, name: str) -> list:
+    """What the views of a recording's blueprint override of a component of the hitboxes."""
     overrides = [
         chunk.to_record_batch()
         for chunk in saved.reader.stream(store=saved.reader.blueprints()[0])
-        if "overrides/world/hitboxes/visualizers" in chunk.entity_path
+        if "overrides/world/hitboxes" in chunk.entity_path
     ]
-    drawn = {
-        name: [row.as_py() for batch in overrides if name in batch.schema.names for row in batch.column(name)]
-        for name in ("Capsules3D:fill_mode", "Capsules3D:show_labels")
-    }
-    assert drawn["Capsules3D:fill_mode"] == [[rr.components.FillMode.Solid.value]]
-    assert sorted(drawn["Capsules3D:show_labels"]) == [[False], [True]]
+    return [row.as_py() for batch in overrides if name in batch.schema.names for row in batch.column(name)]
+
+
+def test_the_layout_draws_a_body_and_hitboxes_with_names(saved: Recording):
+    assert overrides_of_hitboxes(saved, "Capsules3D:fill_mode") == []
+    assert overrides_of_hitboxes(saved, "Capsules3D:show_labels") == [[True]]
+    assert overrides_of_hitboxes(saved, "EntityBehavior:visible") == [[False]]
+
+
+def test_without_a_body_the_layout_draws_hitboxes_as_one(tmp_path: Path, take: Take):
+    take.save(tmp_path / "take.rrd", layers=["cape", "hitboxes"])
+    saved = Recording(tmp_path / "take.rrd")
+    assert overrides_of_hitboxes(saved, "Capsules3D:fill_mode") == [[rr.components.FillMode.Solid.value]]
+    assert sorted(overrides_of_hitboxes(saved, "Capsules3D:show_labels")) == [[False], [True]]
 
 
 class Layout:
@@ -522,7 +534,7 @@ class Layout:
 
 def test_shells_and_contacts_are_a_tab_away(saved: Recording):
     contents = Layout(saved).contents
-    assert contents["hitboxes"] == ["+ /world/**"]
+    assert contents["hitboxes"] == ["+ /world/**", "- /world/body/**"]
     assert contents["cape"] == [
         "+ /world/**",
         "- /world/shells/**",

@@ -1,0 +1,80 @@
+"""The body of a clip as it is drawn, and the clasp of what it wears."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import cape
+import motions
+from cape.record.body import body_parts, hull_of_balls
+from cape.record.clasp import CORD, SAG, clasp_mesh
+from skeleton import Skeleton
+from skeleton.shapes import TaperedCapsule
+from skeleton.solid_measures import signed_distance
+
+sizes = st.floats(0.02, 0.2)
+places = st.tuples(*[st.floats(-1.0, 1.0)] * 3).map(np.array)
+
+
+def volume(vertices: NDArray, triangles: NDArray) -> float:
+    """What closed triangles enclose, counter-clockwise from outside, by the divergence theorem [m3]."""
+    a, b, c = np.moveaxis(vertices.astype(float)[triangles], 1, 0)
+    return float(np.einsum("ti,ti->", a, np.cross(b, c)) / 6.0)
+
+
+@given(start=places, end=places, radii=st.tuples(sizes, sizes))
+def test_a_limb_is_the_hull_of_both_its_ends(start: NDArray, end: NDArray, radii: tuple[float, float]):
+    vertices, normals, triangles = hull_of_balls([(start, radii[0]), (end, radii[1])])
+    exact = TaperedCapsule(name="limb", bone="arm", start=start, end=end, start_radius=radii[0], end_radius=radii[1])
+    np.testing.assert_allclose(signed_distance(exact, vertices.astype(float)), 0.0, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
+    # Out along its normal a point gets away from the shape as fast as it moves.
+    np.testing.assert_allclose(signed_distance(exact, vertices + 0.01 * normals.astype(float)), 0.01, atol=1e-6)
+    # A sphere between 24 meridians and 13 parallels lacks 4 % of its volume; nothing lacks more.
+    assert 0.93 * exact.volume() < volume(vertices, triangles) < exact.volume()
+
+
+def test_a_body_is_within_its_capsules_but_in_the_groove_of_the_chest():
+    body = Skeleton.from_clip(motions.load("walk"))
+    capsules = {capsule.name: capsule for capsule in body.capsules()}
+    parts = body_parts(tuple(capsules.values()))
+    assert set(parts) == set(capsules) - {"left_chest", "right_chest"} | {"chest"}
+    for name, (bone, balls) in parts.items():
+        vertices, _, _ = hull_of_balls(balls)
+        if name != "chest":
+            assert bone == capsules[name].bone
+            assert signed_distance(capsules[name], vertices.astype(float)).max() < 1e-6
+            continue
+        both = [signed_distance(capsules[f"{side}_chest"], vertices.astype(float)) for side in ("left", "right")]
+        np.testing.assert_allclose(np.minimum(*both), 0.0, atol=1e-6)
+    thigh, shin = dict(parts)["left_thigh"][1], dict(parts)["left_shin"][1]
+    assert thigh[1][1] == pytest.approx(shin[0][1])
+    assert thigh[0][1] > thigh[1][1]
+
+
+@given(length=st.floats(0.02, 0.12))
+def test_a_clasp_reaches_from_edge_to_edge(length: float):
+    vertices, normals, triangles = clasp_mesh(length)
+    assert np.ptp(vertices[:, 0]) > length
+    # It is alike on both sides, nothing of it is behind the cloth but the rims, and the cord hangs down: y points down.
+    np.testing.assert_allclose(vertices[:, 0].min(), -vertices[:, 0].max(), atol=1e-6)
+    assert vertices[:, 2].min() > -0.005
+    assert vertices[:, 1].max() > SAG * length
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
+    assert volume(vertices, triangles) > np.pi * CORD**2 * length
+
+
+def test_both_ends_of_the_collar_carry_the_clasp():
+    clip = motions.load("walk").trim(0.0, 0.1)
+    body = Skeleton.from_clip(clip)
+    track = body.track(clip)
+    cloth = cape.dress(body, track, spacing=0.08).cloth
+    left, right = cloth.positions[cloth.regions["clasp"]]
+    # Of the wearer's frame: x ahead, y to the left.
+    assert left[1] > 0.0 > right[1]
+    np.testing.assert_allclose(left[[0, 2]], right[[0, 2]], atol=1e-3)
+    assert left[0] > 0.0
+    assert np.linalg.norm(left - right) < 0.12
+    assert "clasp" not in cape.dress(body, track, garment="half_cape", spacing=0.08).cloth.regions
