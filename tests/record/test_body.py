@@ -1,5 +1,8 @@
 """The body of a clip as it is drawn, and the clasp of what it wears."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,9 +13,12 @@ import cape
 import motions
 from cape.record.body import body_parts, hull_of_balls
 from cape.record.clasp import CORD, SAG, clasp_mesh
+from motions import quaternions
 from skeleton import Skeleton
 from skeleton.shapes import TaperedCapsule
 from skeleton.solid_measures import signed_distance
+from tests.support.scenes import turn_about
+from tests.support.takes import take_of
 
 sizes = st.floats(0.02, 0.2)
 places = st.tuples(*[st.floats(-1.0, 1.0)] * 3).map(np.array)
@@ -78,3 +84,32 @@ def test_both_ends_of_the_collar_carry_the_clasp():
     assert left[0] > 0.0
     assert np.linalg.norm(left - right) < 0.12
     assert "clasp" not in cape.dress(body, track, garment="half_cape", spacing=0.08).cloth.regions
+
+
+def test_a_recorded_clasp_is_where_its_ends_are(tmp_path: Path):
+    import rerun as rr
+
+    clip = motions.load("walk").trim(0.0, 0.1)
+    body = Skeleton.from_clip(clip)
+    cloth = cape.dress(body, body.track(clip), spacing=0.08).cloth
+    turns = np.array([turn_about((0.0, 0.6, 0.8), 0.4 * frame) for frame in range(3)])
+    shifts = np.arange(9.0).reshape(3, 1, 3)
+    places = shifts + quaternions.rotate(turns[:, None], cloth.positions[None])
+    take = replace(take_of(places, cloth.triangles, []), cloth=cloth, texcoords=cloth.texcoords)
+    take.save(tmp_path / "take.rrd", layers=["cape"])
+    columns = {}
+    for chunk in rr.chunk.RrdReader(tmp_path / "take.rrd").stream().filter(content="/world/clasp"):
+        batch = chunk.to_record_batch()
+        for name in set(batch.schema.names) & {"Transform3D:translation", "Transform3D:quaternion"}:
+            columns[name.split(":")[1]] = np.array([row.as_py()[0] for row in batch.column(name)])
+    shifted, turned = columns["translation"], np.roll(columns["quaternion"], 1, axis=1)
+    ends = places[:, cloth.regions["clasp"]]
+    half = np.linalg.norm(ends[0, 1] - ends[0, 0]) / 2.0
+    for side, end in ((-half, ends[:, 0]), (half, ends[:, 1])):
+        there = shifted + quaternions.rotate(turned, np.array([side, 0.0, 0.0]))
+        np.testing.assert_allclose(there, end, atol=1e-5)
+    # It turns with the cloth, away from which its z points: to the front, as worn.
+    away = quaternions.rotate(quaternions.conjugate(turns), quaternions.rotate(turned, np.array([0.0, 0.0, 1.0])))
+    np.testing.assert_allclose(away, away[[0, 0, 0]], atol=1e-5)
+    assert away[0, 0] > 0.5
+    assert quaternions.rotate(turned[0], np.array([0.0, 1.0, 0.0]))[2] < -0.5
