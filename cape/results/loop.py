@@ -12,10 +12,11 @@ class Loop:
     Attributes:
         travel: how far the bones get in a round.
         rounds: of the motion that were simulated, the one that the take shows included.
-        gap: largest distance of a vertex in one of the blended frames from where it was a round before [m], each round
-            in its own frame.
+        gap: largest distance of a vertex, in the frames over which the one round passes into the other, from where it
+            was a round before [m], each round in its own frame.
         bound: below which the cloth is taken to repeat [m].
         blended: first and last frame over which the one round passes into the other.
+        drawn: whether it was simulated on there, drawn to where it was; otherwise both rounds are mixed.
     """
 
     travel: Travel
@@ -23,6 +24,7 @@ class Loop:
     gap: float
     bound: float
     blended: tuple[int, int]
+    drawn: bool
 
     @property
     def repeats(self) -> bool:

@@ -65,8 +65,8 @@ class Frames:
         """Time spent on their steps [s]."""
         return self._solve_s
 
-    def step(self, frame: int) -> None:
-        """Step to a frame of the track, which is the next.
+    def step(self, frame: int, then: Callable[[], None] | None = None) -> None:
+        """Step to a frame of the track, which is the next, and do something `then`, before it is kept.
 
         Raises:
             Diverged: the cloth explodes; the frames before are kept.
@@ -83,6 +83,8 @@ class Frames:
         if renewed > self._counted[1]:
             self._renewed.append(frame)
         self._counted = jumps, renewed
+        if then is not None:
+            then()
         self._keep(frame)
 
     def run(self, progress: Callable[[int], None]) -> None:
@@ -91,9 +93,16 @@ class Frames:
         Raises:
             Diverged: the cloth explodes; the frames before are kept.
         """
-        for frame in range(1, self._track.frames):
+        for frame in range(self.count, self._track.frames):
             self.step(frame)
             progress(frame + 1)
+
+    def go_back(self, frame: int) -> None:
+        """Keep no frame after one."""
+        del self._positions[frame + 1 :], self._readings[frame + 1 :]
+        for jumps in (self._jumps, self._renewed):
+            jumps[:] = [k for k in jumps if k <= frame]
+        self._counted = self._simulation.jumps, self._simulation.renewed
 
     def pass_over(self, other: "Frames", shares: FloatArray) -> None:
         """Pass over to a share of the same frames of another run, shape (F,), and measure all of them anew.
@@ -102,8 +111,8 @@ class Frames:
         """
         simulation, bones = self._simulation, self._scene.bones
         self._meter, dtype = simulation.meter(self._scene), simulation.solver.dtype(simulation.assembly)
-        energies = [[r.kinetic_energy for r in run._readings] for run in (self, other)]
-        mixed = (1.0 - shares) * energies[0] + shares * energies[1]
+        energies = [np.array([r.kinetic_energy for r in run._readings]) for run in (self, other)]
+        mixed = energies[0] + shares * (energies[1] - energies[0])
         self._positions = list(mix(self._positions, other._positions, shares))
         self._readings = [
             replace(self._meter.read_still(places.astype(float), read_pose(pose, bones), dtype), kinetic_energy=energy)

@@ -231,6 +231,14 @@ class Hanging:
             component[free] += moved[free].astype(component.dtype)
         self.look()
 
+    def draw(self, positions: FloatArray, velocities: FloatArray, share: float) -> None:
+        """Take what no bone holds a share of the way to positions [m] and velocities [m/s] of the world, (V, 3)."""
+        free = self.assembly.inverse_mass > 0.0
+        goals = self.assembly.inwards(np.column_stack([positions - self.origin, velocities]))
+        for component, goal in zip(self.state, goals.T, strict=True):
+            component[free] += (share * (goal[free] - component[free])).astype(component.dtype)
+        self.look()
+
     def place(self) -> Place:
         """Where the cloth is, for another one of the same scene."""
         state = np.stack(self.state, axis=1).astype(float)

@@ -89,9 +89,10 @@ def _on_loop(take: Take) -> list[str]:
             "that it jumps there, and the cape with it"
         )
     if not loop.repeats:
+        way = "drawn back to where it was" if loop.drawn else "mixed with where it was"
         notes.append(
-            f"the cape doesn't repeat within {1e3 * loop.bound:g} mm in {loop.rounds} rounds: up to "
-            f"{1e3 * loop.gap:.0f} mm are blended away in frames {loop.blended[0]} to {loop.blended[1]}"
+            f"the cape doesn't repeat within {1e3 * loop.bound:g} mm by itself in {loop.rounds} rounds: in frames "
+            f"{loop.blended[0]} to {loop.blended[1]} it is {way} a round before, up to {1e3 * loop.gap:.0f} mm off"
         )
     return notes
 

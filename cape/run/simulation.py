@@ -2,7 +2,6 @@
 
 import math
 import time
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +14,8 @@ from cape.kernels.store import Request
 from cape.measure.energy import Energy, energy_of
 from cape.measure.ledger import Ledger
 from cape.measure.meter import Meter, Reading
-from cape.run.hanging import SETTLING_FRAME, Hanging, Moment, Place
+from cape.run.hanging import SETTLING_FRAME, Hanging, Moment
+from cape.run.whereabouts import Diverged, Forecast, Mark, Snapshot
 from cape.scene.jumps import Cuts
 from cape.scene.poses import Bones, Pose, read_pose
 from cape.scene.scene import Scene
@@ -32,25 +32,6 @@ WHIRL_RETRIES = 3  # after which one that whirls is kept
 MOST_HASTE = 8.0  # times as many steps as usual, that are taken for thin colliders that come by fast
 FORECAST_SUBSTEPS = 50
 DEFAULT_CUTS = Cuts()
-
-
-class Forecast(NamedTuple):
-    """What a frame takes: steps of the solver, and wall time [s]."""
-
-    substeps: int
-    seconds: float
-
-
-class Snapshot(NamedTuple):
-    """Where the cloth of a scene was at some time, and the bones when it was put on."""
-
-    scene: Scene
-    first_pose: Pose
-    place: Place
-
-
-class Diverged(RuntimeError):
-    """A step stayed unstable at the smallest step tried; the text says what to change."""
 
 
 class Simulation:
@@ -201,6 +182,37 @@ class Simulation:
         if moves.shape != cloth.positions.shape or not np.isfinite(moves).all():
             raise ValueRangeError(f"offsets must be finite and of shape {cloth.positions.shape}")
         cloth.disturb(moves)
+
+    def draw(self, positions: ArrayLike, velocities: ArrayLike, share: float) -> None:
+        """Take the vertices that no bone holds a share of the way to a state in the world.
+
+        Args:
+            positions: of all vertices [m], shape (V, 3).
+            velocities: of all of them [m/s], shape (V, 3).
+            share: 0 for none of the way, 1 for all of it.
+
+        Raises:
+            ValueRangeError: the simulation has not been started, or the shape is another, or a number is not finite.
+        """
+        cloth = self._started
+        state = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
+        if any(each.shape != cloth.positions.shape or not np.isfinite(each).all() for each in state):
+            raise ValueRangeError(f"positions and velocities must be finite and of shape {cloth.positions.shape}")
+        cloth.draw(*state, share)
+
+    def mark(self) -> Mark:
+        """All that this simulation goes on from, for `go_back`.
+
+        Raises:
+            ValueRangeError: it has not been started.
+        """
+        counts = (self.substeps, self.retried, self.refined, self.unconverged, self.jumps, self.renewed)
+        return Mark(self._started.frame(), self.solver, counts)
+
+    def go_back(self, mark: Mark) -> None:
+        """Be where this simulation was, and know what it knew, in the steps that are taken now."""
+        self._started.go_back_to(mark.frame)
+        self.substeps, self.retried, self.refined, self.unconverged, self.jumps, self.renewed = mark.counts
 
     def change_solver(self, solver: Solver) -> None:
         """Go on with another solver, or another number of its substeps, from where the cloth is.

@@ -233,6 +233,6 @@ def _while_closer(ends: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
     return ends[: 3 + int(np.argmin(apart))]
 
 
-def distance(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+def distance(first: NDArray[np.floating], second: NDArray[np.floating]) -> float:
     """Root mean square over all points of the distance between positions (..., 3) [m]."""
     return float(np.sqrt(np.mean(np.sum((first - second) ** 2, axis=-1))))

@@ -19,5 +19,5 @@ def loop_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     if facts["loop_rounds"] is None:
         return []
     first, last = facts["loop_blended"]
-    alike = f"two alike within {facts['loop_gap_mm']:.1f} mm in frames {first} to {last}, where they are blended"
-    return [("loop", f"{facts['loop_rounds']} rounds, {alike}")]
+    text = f"{facts['loop_rounds']} rounds, up to {facts['loop_gap_mm']:.1f} mm apart in frames {first} to {last}"
+    return [("loop", f"{text}, where the last leads into its own beginning")]

@@ -87,12 +87,14 @@ def _ways(places: FloatArray, axis: int) -> FloatArray:
 
 def _enlarged(values: FloatArray, height: int, width: int) -> FloatArray:
     """Values on a grid (rows, columns), on straight lines between them at texels, shape (height, width)."""
+    values = values.astype(np.float32)
     for axis, count in ((0, height), (1, width)):
         places = (np.arange(count) + 0.5) / count * (values.shape[axis] - 1)
         first = np.minimum(places.astype(np.int64), values.shape[axis] - 2)
-        share = np.expand_dims(places - first, 1 - axis)
-        values = (1.0 - share) * values.take(first, axis) + share * values.take(first + 1, axis)
-    return values.astype(np.float32)
+        share = np.expand_dims(places - first, 1 - axis).astype(np.float32)
+        before = values.take(first, axis)
+        values = before + share * (values.take(first + 1, axis) - before)
+    return values
 
 
 def _within(distance: FloatArray, width: float, soft: float) -> FloatArray:

@@ -7,10 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cape.run.hanging import Frame
-from cape.run.simulation import Snapshot
+from cape.run.whereabouts import Mark, Snapshot
 from cape.scene.poses import Bones, Pose, read_pose
-from cape.solvers import Solver
 from motions import quaternions
 
 ROUNDING = 1e-9  # of a frame's length: differences of times of hours are rounded by less
@@ -35,14 +33,6 @@ class Part(NamedTuple):
         return sum(coming.dt for coming, _ in self.frames)
 
 
-class Taken(NamedTuple):
-    """A frame that has been taken: what the cloth goes on from, and what the simulation says of itself then."""
-
-    frame: Frame
-    solver: Solver
-    counts: tuple[int, ...]
-
-
 class Ahead:
     """The frames that are to come, and those of them that have been taken already.
 
@@ -52,7 +42,7 @@ class Ahead:
 
     def __init__(self, coming: Sequence[Coming]) -> None:
         """Hold what is to come."""
-        self.taken: deque[Taken] = deque()
+        self.taken: deque[Mark] = deque()
         self._coming = coming
         self._next = 0  # that is asked for
 
@@ -85,7 +75,7 @@ class Ahead:
         """Count the next frame as taken, which was so only now."""
         self._next += 1
 
-    def hand_on(self) -> Taken:
+    def hand_on(self) -> Mark:
         """The next frame that was taken."""
         self._next += 1
         return self.taken.popleft()

@@ -18,14 +18,15 @@ from numpy.typing import ArrayLike
 
 from cape.assembly.chains import chain_of
 from cape.results.take import StepError
-from cape.run.auto.ahead import Ahead, Coming, Part, Taken, onwards
+from cape.run.auto.ahead import Ahead, Coming, Part, onwards
 from cape.run.auto.budget import Budget
 from cape.run.auto.choice import AIM, FRAME, MOST_CHANGE, TOLERANCE, Auto, Choice
 from cape.run.auto.course import Course
 from cape.run.auto.prediction import Prediction
 from cape.run.auto.sagging import Sagging
-from cape.run.simulation import DEFAULT_CUTS, Diverged, Simulation, Snapshot
+from cape.run.simulation import DEFAULT_CUTS, Diverged, Simulation
 from cape.run.step_error import distance, is_touched, window_of
+from cape.run.whereabouts import Mark, Snapshot
 from cape.scene.jumps import Cuts
 from cape.scene.poses import Bones, Pose, read_pose, read_poses
 from cape.scene.scene import Scene
@@ -134,6 +135,11 @@ class AutoSimulation(Simulation):
         super().move(position, rotation_wxyz)
         self._forget()
 
+    def go_back(self, mark: Mark) -> None:
+        """Be where it was as `Simulation.go_back` is; poses that were expected are forgotten."""
+        super().go_back(mark)
+        self._forget()
+
     def _forget(self) -> None:
         """Know nothing of what comes next, and compare no part that has begun."""
         self._ahead, self._course, self._open, self._rest = Ahead([]), None, None, 0.0
@@ -169,7 +175,7 @@ class AutoSimulation(Simulation):
         if not self._ahead.taken and self._course is None and self._rest < 1e-9:
             self._look_ahead()
         if self._ahead.taken:
-            self._go_to(self._ahead.hand_on())
+            super().go_back(self._ahead.hand_on())
             return
         self._take(coming)
         self._ahead.pass_on()
@@ -183,7 +189,7 @@ class AutoSimulation(Simulation):
 
     def _look_ahead(self) -> None:
         """Take what comes next as far as it must be known before it is handed on."""
-        free, start = self._choice.free, self._taken()
+        free, start = self._choice.free, self.mark()
         frames = self._until_jump(self._ahead.part(math.inf if free else window_of(self.scene)))
         if not frames:
             self._rest = self._ahead.part(0.0)[0].dt
@@ -193,7 +199,7 @@ class AutoSimulation(Simulation):
             self._ahead.taken.extend(self._try_part(frames))
         else:
             self._rest = sum(coming.dt for coming in frames)
-        self._go_to(start)
+        super().go_back(start)
 
     def _until_jump(self, frames: list[Coming]) -> list[Coming]:
         """Those of the frames to come that are before the bones jump."""
@@ -236,29 +242,29 @@ class AutoSimulation(Simulation):
         cloth = self._started
         here = Pose(*cloth.pose).moved(cloth.origin).without_world()
         frames = [Coming(each, dt) for each in onwards(here, pose, math.ceil(window_of(self.scene) / dt - 1e-9))]
-        start = self._taken()
+        start = self.mark()
         self._plan()
         self._try_part(frames)
-        self._go_to(start)
+        super().go_back(start)
         self._time = self._rest = 0.0
         self.errors.clear()
 
-    def _begin_course(self, frames: list[Coming]) -> list[Taken]:
+    def _begin_course(self, frames: list[Coming]) -> list[Mark]:
         """Take the first part of a free motion that is known, again in shorter steps where the whole would miss.
 
         Raises:
             Diverged: the first frame explodes.
         """
-        start, time, taken = self._taken(), self._time, []
+        start, time, taken = self.mark(), self._time, []
         course = Course(self.snapshot(), frames, self._choice, allowed=self.tolerance, threads=self.threads)
         for attempt in range(TRIES):
-            self._go_to(start)
+            super().go_back(start)
             self._time, taken = time, []
             try:
                 for coming in frames[: course.first]:
                     self._take(coming)
                     course.note(self)
-                    taken.append(self._taken())
+                    taken.append(self.mark())
                     if course.due:
                         break
             except Diverged:
@@ -301,13 +307,13 @@ class AutoSimulation(Simulation):
             choice.take(0.5)
         return True
 
-    def _try_part(self, frames: list[Coming]) -> list[Taken]:
+    def _try_part(self, frames: list[Coming]) -> list[Mark]:
         """Take frames from here, again in shorter steps where they miss what is allowed; the good ones of those taken.
 
         Raises:
             Diverged: the first of them explodes.
         """
-        start, time, taken = self._taken(), self._time, []
+        start, time, taken = self.mark(), self._time, []
         for attempt in range(TRIES):
             part, taken, jumps = Part(self.snapshot(), []), [], self.jumps
             self._time = time
@@ -315,7 +321,7 @@ class AutoSimulation(Simulation):
                 for coming in frames:
                     self._take(coming)
                     part.frames.append((coming, self.substeps))
-                    taken.append(self._taken())
+                    taken.append(self.mark())
             except Diverged:
                 if not taken:
                     raise
@@ -329,7 +335,7 @@ class AutoSimulation(Simulation):
             if not self._choice.scale(AIM * self.tolerance / error.rms):
                 self._learn(error)
                 break
-            self._go_to(start)
+            super().go_back(start)
         self._rest = 0.0
         return taken
 
@@ -358,15 +364,6 @@ class AutoSimulation(Simulation):
         except Diverged:
             pass
         return StepError(self._time, rms, solver.name, part.frames[-1][1], part.seconds, math.log2(growth))
-
-    def _taken(self) -> Taken:
-        counts = (self.substeps, self.retried, self.refined, self.unconverged, self.jumps, self.renewed)
-        return Taken(self._started.frame(), self.solver, counts)
-
-    def _go_to(self, taken: Taken) -> None:
-        """Be where a frame ended; steps stay as they were changed since."""
-        self._started.go_back_to(taken.frame)
-        self.substeps, self.retried, self.refined, self.unconverged, self.jumps, self.renewed = taken.counts
 
     def _choose(self, bones: Bones) -> None:
         """Choose for a cloth that hangs from bones at a pose."""
