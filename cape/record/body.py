@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from cape.record.frames import Frames, send_once
 from cape.record.poses import bone_poses, xyzw
 from cape.scene.colliders import Collider
-from skeleton.rest import NEXT_ROLE
 from skeleton.shapes import Capsule
 from skeleton.shapes.revolved import AROUND, strips
 from skeleton.track import BoneTrack
@@ -23,8 +22,17 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 BODY = "/world/body"
-BODY_COLOR = (150, 148, 146)
-CHIN = 0.8  # radius of a head at its chin, in that at its crown
+BODY_COLOR = (176, 165, 152)
+SHAPES: dict[str, tuple[tuple[float, float], ...]] = {
+    "head": ((0.0, 0.86), (1.0, 1.0)),
+    "upper_arm": ((0.0, 1.0), (0.4, 0.97), (1.0, 0.84)),
+    "forearm": ((0.0, 0.9), (0.25, 1.0), (1.0, 0.64)),
+    "hand": ((0.0, 0.8), (0.5, 0.95), (1.0, 0.7)),
+    "thigh": ((0.0, 1.0), (0.4, 0.96), (1.0, 0.72)),
+    "shin": ((0.0, 0.92), (0.28, 1.0), (1.0, 0.62)),
+    "foot": ((0.0, 0.9), (1.0, 1.0)),
+}
+"""How thick parts are along their capsules, from 0 to 1 of the axis, as a share of the capsule's radius, by kind."""
 LATITUDES = 13  # of the directions in which a part's surface is sampled
 
 Balls = list[tuple[FloatArray, float]]
@@ -55,27 +63,31 @@ def log_body(stream: rr.RecordingStream, bones: BoneTrack, colliders: Sequence[C
 def body_parts(colliders: Sequence[Collider]) -> dict[str, tuple[str, Balls]]:
     """The bone and the shape of each part by its name, made of the capsules that bones carry.
 
-    A limb is as thin at its end as the next one begins, a head thinner at the chin, and both halves of the chest are
-    one.
+    Limbs and head are as thick along them as `SHAPES` tells, and both halves of the chest are one.
     """
-    capsules = {c.name: c for c in colliders if isinstance(c, Capsule) and c.bone is not None}
     parts: dict[str, tuple[str, Balls]] = {}
-    for name, capsule in capsules.items():
-        start, end, radius = capsule.start, capsule.end, capsule.radius
-        following = capsules.get(NEXT_ROLE.get(name, ""))
-        if name == "head":
-            ahead = (start - end) / max(float(np.linalg.norm(start - end)), 1e-9)
-            balls = [(start + (1.0 - CHIN) * radius * ahead, CHIN * radius), (end, radius)]
-        elif following is not None:
-            balls = [(start, radius), (end, min(radius, following.radius))]
-        else:
-            balls = [(start, radius), (end, radius)]
-        parts[name] = str(capsule.bone), balls
+    for capsule in colliders:
+        if not isinstance(capsule, Capsule) or capsule.bone is None:
+            continue
+        kind = capsule.name.removeprefix("left_").removeprefix("right_")
+        balls = [
+            (capsule.start + way * (capsule.end - capsule.start), share * capsule.radius)
+            for way, share in SHAPES.get(kind, ((0.0, 1.0), (1.0, 1.0)))
+        ]
+        if kind == "head":  # the chin stays where it is
+            balls[0] = _lowered(*balls[0], balls[1][0], capsule.radius)
+        parts[capsule.name] = capsule.bone, balls
     left, right = parts.get("left_chest"), parts.get("right_chest")
     if left is not None and right is not None and left[0] == right[0]:
         parts["chest"] = left[0], left[1] + right[1]
         del parts["left_chest"], parts["right_chest"]
     return parts
+
+
+def _lowered(center: FloatArray, radius: float, crown: FloatArray, reach: float) -> tuple[FloatArray, float]:
+    """A ball moved away from the crown as far as one around the same centre would reach [m]."""
+    away = center - crown
+    return center + (reach - radius) * away / max(float(np.linalg.norm(away)), 1e-9), radius
 
 
 def hull_of_balls(balls: Balls) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint32]]:

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-COLOR = (222, 180, 96)
-BOSS = np.array([(0.0165, -0.004), (0.0165, 0.002), (0.0140, 0.0045), (0.0125, 0.0040), (0.0090, 0.0075), (0.0, 0.009)])
+COLOR = (236, 196, 108)
+BOSS = np.array([(0.020, -0.004), (0.020, 0.002), (0.0172, 0.0055), (0.0155, 0.0048), (0.011, 0.009), (0.0, 0.0108)])
 """Radius and height above the cloth along a boss, from its rim to its middle [m]."""
-CORD = 0.0032  # m, its radius
+CORD = 0.004  # m, its radius
 SAG = 0.25  # of its length, by which the cord hangs down
 CORD_PARTS = 12
 

@@ -15,6 +15,7 @@ FloatArray = NDArray[np.floating]
 MAGNIFIED = 8.0  # times its true size a weave is drawn: the viewer has no mipmaps, and finer ones would shimmer
 TEXELS = 400_000  # of a cloth
 TILE_TEXELS = 256  # of the piece of fabric that is repeated
+CONTRAST = 0.08  # standard deviation of a weave's brightness at most, as a share: more would shimmer
 STITCH = 0.011, 0.6  # m from a stitch to the next, of which it takes this share
 SEAM = 0.004  # m, half the width of the furrow of a seam
 WAVES = 5
@@ -29,10 +30,12 @@ def texture_of(cloth: Cloth, look: Look, *, texels: int = TEXELS) -> TextureArra
     pitch = MAGNIFIED * tile.size / TILE_TEXELS
     fabric = softened(tile.baked, 0.5 * texel / pitch)
     drawn = fabric[(down / pitch).astype(np.int64) % TILE_TEXELS, (across / pitch).astype(np.int64) % TILE_TEXELS]
+    plain = drawn.mean(axis=(0, 1))
+    drawn = plain + min(1.0, CONTRAST * plain.mean() / max(float(drawn.mean(axis=2).std()), 1e-9)) * (drawn - plain)
     drawn *= bright[..., None]
     if look.trim is not None:
-        plain = np.array(look.trim, np.float32) * (drawn.mean(axis=2, keepdims=True) / drawn.mean())
-        drawn += _within(edge, HEM, texel)[..., None] * (plain - drawn)
+        trim = np.array(look.trim, np.float32) * (drawn.mean(axis=2, keepdims=True) / drawn.mean())
+        drawn += _within(edge, HEM, texel)[..., None] * (trim - drawn)
     along = np.where(seam < HEM, down, across + down)
     stitched = (along / STITCH[0]) % 1.0 < STITCH[1]
     furrow = 0.30 * _near(edge, HEM, texel, texel)

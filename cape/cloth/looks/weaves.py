@@ -88,8 +88,8 @@ def _knit(ribs: int, repeats: int, texels: int) -> Relief:
     leg = (off - (0.11 + 0.25 * (1.0 - way))) / 0.26
     height = np.maximum(np.sqrt(np.maximum(1.0 - leg**2, 0.0)) * (0.6 + 0.4 * np.sin(np.pi * way)), 0.25)
     if ribs:
-        back = (across.astype(int) // ribs) % 2 == 1
-        height = np.where(back, 0.45 * height, height)
+        ridges = 0.5 + 0.5 * np.sin(np.pi * across / ribs)
+        height = 0.3 * height + 0.7 * ridges
     thread = np.broadcast_to(down.astype(int)[:, None], height.shape)
     return Relief(height.astype(np.float32), np.ones_like(height, np.float32), thread, 0.4 / max(2 * ribs, 1))
 
