@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -55,9 +54,11 @@ def test_a_body_is_within_its_capsules_but_in_the_groove_of_the_chest():
             continue
         both = [signed_distance(capsules[f"{side}_chest"], vertices.astype(float)) for side in ("left", "right")]
         np.testing.assert_allclose(np.minimum(*both), 0.0, atol=1e-6)
-    thigh, shin = dict(parts)["left_thigh"][1], dict(parts)["left_shin"][1]
-    assert thigh[1][1] == pytest.approx(shin[0][1])
-    assert thigh[0][1] > thigh[1][1]
+    # A shin is thickest at the calf and thinnest at the ankle, and its ends lie on its axis.
+    radii = [radius for _, radius in parts["left_shin"][1]]
+    assert radii[1] == max(radii) == capsules["left_shin"].radius
+    assert radii[2] == min(radii)
+    np.testing.assert_array_equal(parts["left_shin"][1][2][0], capsules["left_shin"].end)
 
 
 @given(length=st.floats(0.02, 0.12))
