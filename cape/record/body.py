@@ -33,7 +33,7 @@ SHAPES: dict[str, tuple[tuple[float, float], ...]] = {
     "foot": ((0.0, 0.9), (1.0, 1.0)),
 }
 """How thick parts are along their capsules, from 0 to 1 of the axis, as a share of the capsule's radius, by kind."""
-LATITUDES = 13  # of the directions in which a part's surface is sampled
+LATITUDES = 11  # of the directions in which a part's surface is sampled
 
 Balls = list[tuple[FloatArray, float]]
 """Centres in a bone's frame [m], shape (3,), and radii [m]: a part of the body is their convex hull."""

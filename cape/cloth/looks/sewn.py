@@ -13,7 +13,7 @@ from cape.cloth.tailoring import HEM
 FloatArray = NDArray[np.floating]
 
 MAGNIFIED = 8.0  # times its true size a weave is drawn: the viewer has no mipmaps, and finer ones would shimmer
-TEXELS = 400_000  # of a cloth
+TEXELS = 300_000  # of a cloth
 TILE_TEXELS = 256  # of the piece of fabric that is repeated
 CONTRAST = 0.08  # standard deviation of a weave's brightness at most, as a share: more would shimmer
 STITCH = 0.011, 0.6  # m from a stitch to the next, of which it takes this share
@@ -26,23 +26,31 @@ def texture_of(cloth: Cloth, look: Look, *, texels: int = TEXELS) -> TextureArra
     """Draw a cloth over its texture coordinates in about so many texels, sRGB, shape (height, width, 3)."""
     across, down, edge, seam, bright = _measures(cloth, texels)
     texel = float(max(np.abs(np.diff(across, axis=1)).max(), np.abs(np.diff(down, axis=0)).max()))
-    tile = maps_of(look, texels=TILE_TEXELS)
-    pitch = MAGNIFIED * tile.size / TILE_TEXELS
-    fabric = softened(tile.baked, 0.5 * texel / pitch)
-    drawn = fabric[(down / pitch).astype(np.int64) % TILE_TEXELS, (across / pitch).astype(np.int64) % TILE_TEXELS]
-    plain = drawn.mean(axis=(0, 1))
-    drawn = plain + min(1.0, CONTRAST * plain.mean() / max(float(drawn.mean(axis=2).std()), 1e-9)) * (drawn - plain)
-    drawn *= bright[..., None]
+    tile, size = maps_of(look, texels=TILE_TEXELS), TILE_TEXELS
+    pitch = MAGNIFIED * tile.size / size
+    fabric = _tempered(softened(tile.baked, 0.5 * texel / pitch)).reshape(-1, 3)
+    places = (down / pitch).astype(np.int64) % size * size + (across / pitch).astype(np.int64) % size
+    drawn = fabric.take(places, axis=0)
     if look.trim is not None:
-        trim = np.array(look.trim, np.float32) * (drawn.mean(axis=2, keepdims=True) / drawn.mean())
-        drawn += _within(edge, HEM, texel)[..., None] * (trim - drawn)
+        hem = edge < HEM + texel
+        tones = fabric.mean(axis=1) / fabric.mean()
+        trim = np.array(look.trim, np.float32) * tones[places[hem], None]
+        drawn[hem] += _within(edge[hem], HEM, texel)[:, None] * (trim - drawn[hem])
     along = np.where(seam < HEM, down, across + down)
     stitched = (along / STITCH[0]) % 1.0 < STITCH[1]
     furrow = 0.30 * _near(edge, HEM, texel, texel)
     furrow += 0.20 * stitched * _near(edge, 0.8 * HEM, 0.6 * texel, texel)
-    furrow += 0.30 * _near(seam, 0.0, SEAM, texel) + 0.20 * stitched * _near(seam, 2.5 * SEAM, 0.6 * texel, texel)
-    drawn *= 1.0 - np.minimum(furrow, 0.5)[..., None]
-    return np.rint(drawn).clip(0, 255).astype(np.uint8)
+    if np.isfinite(seam[0, 0]):
+        furrow += 0.30 * _near(seam, 0.0, SEAM, texel) + 0.20 * stitched * _near(seam, 2.5 * SEAM, 0.6 * texel, texel)
+    drawn *= (bright * (1.0 - np.minimum(furrow, 0.5)))[..., None]
+    return np.minimum(drawn + 0.5, 255.0).astype(np.uint8)
+
+
+def _tempered(fabric: FloatArray) -> FloatArray:
+    """A texture whose brightness does not vary by more than `CONTRAST`, shape (n, n, 3)."""
+    plain = fabric.mean(axis=(0, 1))
+    varies = float(fabric.mean(axis=2).std()) / float(plain.mean())
+    return plain + min(1.0, CONTRAST / max(varies, 1e-9)) * (fabric - plain)
 
 
 class _Measures(NamedTuple):
