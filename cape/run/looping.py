@@ -35,7 +35,7 @@ FloatArray = NDArray[np.float64]
 REPEATED = 0.005  # m between two rounds, below which the cloth repeats
 NEARER = 0.9  # times as far apart as the rounds before: others are not worth another round
 LEAST_ROUNDS, MOST_ROUNDS = 4, 12  # of cloth that does not repeat
-BLENDED = 1.5  # s over which one round passes into the other, at most half of it
+BLENDED = 2.0  # s over which one round passes into the other, at most half of it
 
 
 class Looped(NamedTuple):
@@ -172,6 +172,6 @@ def closest(apart: FloatArray, width: int) -> _Alike:
 
 
 def passage(frames: int, first: int, last: int) -> FloatArray:
-    """Shares that rise from 0 at one frame to 1 at another, and begin and end evenly, shape (frames,)."""
+    """Shares that rise from 0 at one frame to 1 at another, without speed or acceleration at either, shape (frames,)."""
     share = np.clip((np.arange(frames) - first) / (last - first), 0.0, 1.0)
-    return share * share * (3.0 - 2.0 * share)
+    return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
