@@ -172,6 +172,6 @@ def closest(apart: FloatArray, width: int) -> _Alike:
 
 
 def passage(frames: int, first: int, last: int) -> FloatArray:
-    """Shares that rise from 0 at one frame to 1 at another, without speed or acceleration at either, shape (frames,)."""
+    """Shares that rise from 0 at one frame to 1 at another, without a jolt at either, shape (frames,)."""
     share = np.clip((np.arange(frames) - first) / (last - first), 0.0, 1.0)
     return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
