@@ -25,6 +25,7 @@ Answer = TypeVar("Answer")
 
 LOOPBACK = "127.0.0.1"
 STARTING, LOADING, ENDING = 60.0, 120.0, 5.0  # [s] to wait for the viewer
+NOTES = 2.5  # [s] from its start, in which the viewer shows notes on top of the picture
 MOST_TRIES = 20  # of a picture, until it doesn't change
 MARGINS = (16, 120)  # [pixels] of the window around a view that fills it, or more: bars above and below
 NO_GRAPHICS = (
@@ -45,7 +46,7 @@ def viewer(size: tuple[int, int]) -> Iterator[Viewer]:
         UserError: the viewer doesn't start; the text says what to install where a Vulkan driver is missing.
     """
     with tempfile.TemporaryDirectory(prefix="cape-") as folder:
-        log, port = Path(folder, "log"), _free_port()
+        log, port, started = Path(folder, "log"), _free_port(), time.monotonic()
         with log.open("wb") as said:
             process = subprocess.Popen(
                 [*_program(), "--bind", LOOPBACK, "--port", str(port), "--window-size", _window(size)],
@@ -56,7 +57,7 @@ def viewer(size: tuple[int, int]) -> Iterator[Viewer]:
                 env={**os.environ, "XDG_RUNTIME_DIR": folder, "RUST_LOG": "error"},
             )
         try:
-            yield Viewer(_connected(process, port, log), size)
+            yield Viewer(_connected(process, port, log), size, clear_at=started + NOTES)
         finally:
             _end(process)
 
@@ -85,9 +86,10 @@ def require_viewer() -> None:
 class Viewer:
     """A running viewer for one recording: a second one would be shown in the layout of the first."""
 
-    def __init__(self, client: ViewerClient, size: tuple[int, int]):
-        """Made by `viewer`."""
+    def __init__(self, client: ViewerClient, size: tuple[int, int], *, clear_at: float):
+        """Made by `viewer`; pictures are clear from a time of the monotonic clock on [s]."""
         self._client = client
+        self._clear_at = clear_at
         self._size = size
         self._layout: dict[str, Any] = {}
         self._shown = ""
@@ -158,6 +160,7 @@ class Viewer:
                 f"{seconds:g} s is outside of the recording, which goes from {self.begin:g} to {self.end:g} s"
             )
         self._ask(lambda client: client.set_time("time", duration=seconds, play_state="paused"))
+        time.sleep(max(self._clear_at - time.monotonic(), 0.0))
         drawn, tries = self._drawn(), 1
         # Just after a view was chosen it may lack what the viewer is still to load or to lay out.
         while not self._settled and tries < MOST_TRIES:

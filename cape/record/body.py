@@ -33,7 +33,8 @@ SHAPES: dict[str, tuple[tuple[float, float], ...]] = {
     "foot": ((0.0, 0.9), (1.0, 1.0)),
 }
 """How thick parts are along their capsules, from 0 to 1 of the axis, as a share of the capsule's radius, by kind."""
-LATITUDES = 11  # of the directions in which a part's surface is sampled
+LATITUDES = 11  # of the directions in which a limb's surface is sampled
+FINE = 25  # the same of the chest, whose balls lie far apart
 
 Balls = list[tuple[FloatArray, float]]
 """Centres in a bone's frame [m], shape (3,), and radii [m]: a part of the body is their convex hull."""
@@ -96,10 +97,11 @@ def hull_of_balls(balls: Balls) -> tuple[NDArray[np.float32], NDArray[np.float32
     Returns:
         Vertices [m] and unit normals, shape (V, 3), and triangles, counter-clockwise from outside, shape (T, 3).
     """
-    latitudes = np.linspace(-np.pi / 2.0, np.pi / 2.0, LATITUDES)
+    count = LATITUDES if len(balls) < 4 else FINE
+    latitudes = np.linspace(-np.pi / 2.0, np.pi / 2.0, count)
     across, up = (each(latitudes)[:, None, None] for each in (np.cos, np.sin))
     normals = (across * AROUND + up * np.array([0.0, 0.0, 1.0])).reshape(-1, 3)
     centers, radii = np.array([center for center, _ in balls]), np.array([radius for _, radius in balls])
     farthest = np.argmax(normals @ centers.T + radii, axis=1)
     vertices = centers[farthest] + radii[farthest, None] * normals
-    return vertices.astype(np.float32), normals.astype(np.float32), strips(LATITUDES)
+    return vertices.astype(np.float32), normals.astype(np.float32), strips(count)

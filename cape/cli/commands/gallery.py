@@ -27,7 +27,7 @@ from motions.errors import FileError, UserError, ValueRangeError
 from motions.files import write_text
 
 LAYERS = ("cape", "robot", "body", "skeleton", "hitboxes", "floor")
-SIZE = (320, 400)  # [pixels] of a picture, of which a sheet has six
+SIZE = (400, 400)  # [pixels] of a picture, of which a sheet has six
 MOMENTS = (1 / 6, 1 / 2, 5 / 6)  # of the motion
 SIDES = (210.0, 30.0)  # [degrees]: from behind and a little from the right, and from straight across
 

@@ -13,7 +13,8 @@ from cape.cloth.tailoring import HEM
 FloatArray = NDArray[np.floating]
 
 MAGNIFIED = 8.0  # times its true size a weave is drawn: the viewer has no mipmaps, and finer ones would shimmer
-TEXELS = 300_000  # of a cloth
+TEXELS = 300_000  # of a cloth, at most
+TEXEL = 0.0035  # m, at least: a figure that fills a view of 900 pixels has some 2 mm a pixel
 TILE_TEXELS = 256  # of the piece of fabric that is repeated
 CONTRAST = 0.08  # standard deviation of a weave's brightness at most, as a share: more would shimmer
 STITCH = 0.011, 0.6  # m from a stitch to the next, of which it takes this share
@@ -23,7 +24,7 @@ MOTTLE = 0.03, 0.22  # how uneven cloth is dyed, as a share of its brightness, a
 
 
 def texture_of(cloth: Cloth, look: Look, *, texels: int = TEXELS) -> TextureArray:
-    """Draw a cloth over its texture coordinates in about so many texels, sRGB, shape (height, width, 3)."""
+    """Draw a cloth over its texture coordinates in so many texels at most, sRGB, shape (height, width, 3)."""
     across, down, edge, seam, bright = _measures(cloth, texels)
     texel = float(max(np.abs(np.diff(across, axis=1)).max(), np.abs(np.diff(down, axis=0)).max()))
     tile, size = maps_of(look, texels=TILE_TEXELS), TILE_TEXELS
@@ -67,15 +68,17 @@ class _Measures(NamedTuple):
 def _measures(cloth: Cloth, texels: int) -> _Measures:
     if not isinstance(cloth, GridCloth):
         # Texture coordinates are the pattern, the longer side of which goes from 0 to 1.
-        side = round(np.sqrt(texels))
-        places = np.ptp(cloth.pattern, axis=0).max() * (np.arange(side, dtype=np.float32) + 0.5) / side
+        extent = float(np.ptp(cloth.pattern, axis=0).max())
+        side = max(round(min(extent / TEXEL, np.sqrt(texels))), 2)
+        places = extent * (np.arange(side, dtype=np.float32) + 0.5) / side
         across, down = np.meshgrid(places, places)
         far = np.full_like(across, np.inf)
         return _Measures(across, down, far, far, _mottled(across, down))
     pattern = cloth.pattern.reshape(cloth.rows, cloth.columns, 2)
     ways = [_ways(pattern, axis) for axis in (1, 0)]
     width, length = (float(way.max()) for way in ways)
-    size = [max(round(np.sqrt(texels * side)), 1) for side in (length / width, width / length)]
+    texel = max(TEXEL, float(np.sqrt(width * length / texels)))
+    size = [max(round(side / texel), 2) for side in (length, width)]
     to_left, to_top = (_enlarged(way, *size) for way in ways)
     to_right, to_bottom = (
         _enlarged(way.max(axis=axis, keepdims=True) - way, *size) for way, axis in zip(ways, (1, 0), strict=True)
