@@ -12,10 +12,11 @@ from cape.cloth.tailoring import HEM
 
 FloatArray = NDArray[np.floating]
 
-MAGNIFIED = 8.0  # times its true size a weave is drawn: the viewer has no mipmaps, and finer ones would shimmer
+MAGNIFIED = 10.0  # times its true size a weave is drawn: the viewer has no mipmaps, and finer ones would shimmer
 TEXELS = 300_000  # of a cloth, at most
 TEXEL = 0.0035  # m, at least: a figure that fills a view of 900 pixels has some 2 mm a pixel
 TILE_TEXELS = 256  # of the piece of fabric that is repeated
+BLUR = 0.7  # texels, so that threads too fine for them leave no pattern of their own
 CONTRAST = 0.08  # standard deviation of a weave's brightness at most, as a share: more would shimmer
 STITCH = 0.011, 0.6  # m from a stitch to the next, of which it takes this share
 SEAM = 0.004  # m, half the width of the furrow of a seam
@@ -29,7 +30,7 @@ def texture_of(cloth: Cloth, look: Look, *, texels: int = TEXELS) -> TextureArra
     texel = float(max(np.abs(np.diff(across, axis=1)).max(), np.abs(np.diff(down, axis=0)).max()))
     tile, size = maps_of(look, texels=TILE_TEXELS), TILE_TEXELS
     pitch = MAGNIFIED * tile.size / size
-    fabric = _tempered(softened(tile.baked, 0.5 * texel / pitch)).reshape(-1, 3)
+    fabric = _tempered(softened(tile.baked, BLUR * texel / pitch)).reshape(-1, 3)
     places = (down / pitch).astype(np.int64) % size * size + (across / pitch).astype(np.int64) % size
     drawn = fabric.take(places, axis=0)
     if look.trim is not None:
