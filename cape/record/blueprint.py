@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from cape.cloth.looks.look import Color
-from cape.record.body import BODY, BODY_COLOR
+from cape.record.figure.body import BODY, BODY_COLOR
 from cape.record.solids import labelled, plane_paths
 from cape.record.stage import BACKGROUND, DARK_BACKGROUND, darkened_floor
 from cape.record.surfaces.textures import albedo, plain

@@ -9,13 +9,13 @@ from collections.abc import Collection, Iterable, Sequence
 import numpy as np
 
 from cape.record.blueprint import layout
-from cape.record.body import log_body
-from cape.record.clasp import log_clasp
 from cape.record.contacts import BYTES_PER_CONTACT, log_contacts
+from cape.record.figure.body import log_body
+from cape.record.figure.clasp import log_clasp
+from cape.record.figure.robot import log_robot
 from cape.record.file import recording_file
 from cape.record.frames import Frames
 from cape.record.layers import check_layers, log_cape, log_plots, log_skeleton
-from cape.record.robot import log_robot
 from cape.record.solids import log_hitboxes, log_shells
 from cape.record.stage import figure_height, log_character, log_floor
 from cape.record.worn import worn_of

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 import cape
 import motions
-from cape.record.body import body_parts, hull_of_balls
-from cape.record.clasp import CORD, SAG, clasp_mesh
+from cape.record.figure.body import body_parts, hull_of_balls
+from cape.record.figure.clasp import CORD, SAG, clasp_mesh
 from motions import quaternions
 from skeleton import Skeleton
 from skeleton.shapes import TaperedCapsule

@@ -1,0 +1,1 @@
+"""Who wears a cloth, a body or a robot, and what closes it."""
