@@ -17,6 +17,7 @@ class Loop:
         bound: below which the cloth is taken to repeat [m].
         blended: first and last frame over which the one round passes into the other.
         drawn: whether it was simulated on there, drawn to where it was; otherwise both rounds are mixed.
+        renewed: whether the cloth is put on anew where a motion that doesn't loop jumps back.
     """
 
     travel: Travel
@@ -25,6 +26,7 @@ class Loop:
     bound: float
     blended: tuple[int, int]
     drawn: bool
+    renewed: bool = False
 
     @property
     def repeats(self) -> bool:

@@ -61,6 +61,11 @@ class Frames:
         return self._positions
 
     @property
+    def deepest(self) -> float:
+        """How deep a vertex is in a collider in any of them at most [m]."""
+        return max(reading.penetration for reading in self._readings)
+
+    @property
     def solve_s(self) -> float:
         """Time spent on their steps [s]."""
         return self._solve_s

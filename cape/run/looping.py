@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.results.loop import Loop
+from cape.results.verdict import NOTABLE_PENETRATION
 from cape.run.auto import AutoSimulation
 from cape.run.frames import Frames
 from cape.run.simulation import Simulation
-from cape.run.step_error import distance
 from cape.run.whereabouts import Mark
 from cape.scene.loops import Travel
 from cape.scene.poses import poses_of
@@ -35,7 +35,8 @@ FloatArray = NDArray[np.float64]
 REPEATED = 0.005  # m between two rounds, below which the cloth repeats
 NEARER = 0.9  # times as far apart as the rounds before: others are not worth another round
 LEAST_ROUNDS, MOST_ROUNDS = 4, 12  # of cloth that does not repeat
-BLENDED = 2.0  # s over which one round passes into the other, at most half of it
+BLENDED = 2.0  # s over which one round passes into the other at most, and at most half of it
+SHORTEST, BEGINS = 0.5, 10  # s that it takes at least, where it is drawn there, and how many times between are tried
 
 
 class Looped(NamedTuple):
@@ -54,6 +55,7 @@ class Laps:
         self._simulation, self._scene, self._track, self._travel = simulation, scene, track, travel
         self._poses, self._steps = poses_of(track, simulation.bones), np.diff(track.times)
         longest = round(BLENDED / float(np.median(self._steps)))
+        self._renewed = False
         self._width = max(1, min(longest, (track.frames - 1) // 2))
 
     def run(self, first: Frames, progress: Callable[[int, int], None] | None) -> Looped:
@@ -62,30 +64,32 @@ class Laps:
         Raises:
             Diverged: the cloth explodes.
         """
-        begun, rounds = time.perf_counter(), 2
+        begun, rounds, nearest = time.perf_counter(), 2, np.inf
         before, after = None, self._next(partial(self._tell, progress, rounds))
-        alike, pair = self._alike(first, after), None
-        while alike.gap > REPEATED and rounds < MOST_ROUNDS:
-            rounds += 1
-            before, after = after, self._next(partial(self._tell, progress, rounds))
-            nearest, alike = alike.gap, self._alike(before.frames, after)
-            latest = _Pair(before, after)
-            pair = latest if pair is None or self._apart(latest) < self._apart(pair) else pair
-            if rounds >= LEAST_ROUNDS and alike.gap > NEARER * nearest:
+        apart, ways = distances(first.positions, after.frames.positions), []
+        while (alike := closest(apart, self._width)).gap > REPEATED and rounds < MOST_ROUNDS:
+            if rounds > LEAST_ROUNDS and alike.gap > NEARER * nearest:
                 break
-        if pair is not None and alike.gap > REPEATED:
-            shown, loop = pair.after.frames, self._lead(pair, rounds)
+            rounds, nearest = rounds + 1, alike.gap
+            before, after = after, self._next(partial(self._tell, progress, rounds))
+            apart = distances(before.frames.positions, after.frames.positions)
+            ways.append(self._way(before, after, apart))
+        if ways and alike.gap > REPEATED:
+            way = min(ways, key=lambda way: (way.after.frames.deepest > NOTABLE_PENETRATION, way.speed))
+            shown, loop = way.after.frames, self._lead(way, rounds)
         else:
             shown, blended = after.frames, (alike.first, alike.first + self._width)
             shown.pass_over(first if before is None else before.frames, passage(self._track.frames, *blended))
-            loop = Loop(self._travel, rounds, alike.gap, REPEATED, blended, drawn=False)
+            loop = Loop(self._travel, rounds, alike.gap, REPEATED, blended, drawn=False, renewed=self._renewed)
         spent = first.solve_s + time.perf_counter() - begun
         return Looped(shown, loop, spent - shown.solve_s)
 
     @property
-    def _begin(self) -> int:
-        """The frame from which on a round may be drawn to where the one before ended."""
-        return self._track.frames - 1 - self._width
+    def _begins(self) -> list[int]:
+        """The frames from which on a round may be drawn to where the one before ended."""
+        last = self._track.frames - 1
+        least = min(round(SHORTEST / float(np.median(self._steps))), self._width)
+        return sorted({last - round(width) for width in np.linspace(max(least, 1), self._width, BEGINS)})
 
     def _tell(self, progress: Callable[[int, int], None] | None, rounds: int, done: int) -> None:
         if progress is not None:
@@ -99,57 +103,64 @@ class Laps:
             simulation.step(self._travel.onwards(self._poses[0]), dt)
             simulation.move(*self._travel.way_back)
         else:
+            before = simulation.renewed
             simulation.step(self._poses[0], dt, jumped=True)
+            self._renewed = simulation.renewed > before
         if isinstance(simulation, AutoSimulation):
             simulation.expect(self._poses[1:], self._steps)
-        lap = _Lap(Frames(simulation, self._scene, self._track, check_steps=False), [], [])
+        lap, begins = _Lap(Frames(simulation, self._scene, self._track, check_steps=False), {}, {}), self._begins
         for frame in range(1, self._track.frames):
-            if frame == self._begin + 1:
-                lap.marks.append(simulation.mark())
+            if frame - 1 in begins:
+                lap.marks[frame - 1] = simulation.mark()
             lap.frames.step(frame)
-            if frame > self._begin:
-                lap.states.append((simulation.positions.astype(np.float32), simulation.velocities.astype(np.float32)))
+            if frame > begins[0]:
+                lap.states[frame] = simulation.positions.astype(np.float32), simulation.velocities.astype(np.float32)
             told(frame + 1)
         return lap
 
-    def _alike(self, before: Frames, after: "_Lap") -> "_Alike":
-        return closest(distances(before.positions, after.frames.positions), self._width)
+    def _way(self, before: "_Lap", after: "_Lap", apart: FloatArray) -> "_Way":
+        """The slowest way to draw a round to the end of the one before, from which it is `apart` [m], shape (F,)."""
+        last = self._track.frames - 1
+        gaps = {begin: float(apart[begin:].max()) for begin in self._begins}
+        begin = min(gaps, key=lambda begin: gaps[begin] / (last - begin))
+        return _Way(before, after, begin, gaps[begin], gaps[begin] / (last - begin))
 
-    def _apart(self, pair: "_Pair") -> float:
-        """Root mean square distance of two rounds where the one may be drawn to the other [m]."""
-        return distance(*(lap.frames.positions[self._begin] for lap in pair))
-
-    def _lead(self, pair: "_Pair", rounds: int) -> Loop:
+    def _lead(self, way: "_Way", rounds: int) -> Loop:
         """Simulate the end of a round again, and lead it to that of the round before.
 
         Raises:
             Diverged: the cloth explodes.
         """
-        simulation, begin, frames = self._simulation, self._begin, pair.after.frames
-        apart = distances(pair.before.frames.positions[begin:], frames.positions[begin:])
-        simulation.go_back(pair.after.marks[0])
-        frames.go_back(begin)
-        left = 1.0 - passage(self._track.frames, begin, self._track.frames - 1)
-        for frame in range(begin + 1, self._track.frames):
-            goal = pair.before.states[frame - begin - 1]
-            frames.step(frame, then=partial(simulation.draw, *goal, 1.0 - left[frame] / left[frame - 1]))
+        simulation, frames, last = self._simulation, way.after.frames, self._track.frames - 1
+        simulation.go_back(way.after.marks[way.begin])
+        frames.go_back(way.begin)
+        left = 1.0 - passage(self._track.frames, way.begin, last - 1)
+        for frame in range(way.begin + 1, last + 1):
+            # Drawn before it is stepped: what limbs then have no place for they push away.
+            if frame - 1 > way.begin:
+                simulation.draw(*way.before.states[frame - 1], 1.0 - left[frame - 1] / left[frame - 2])
+            frames.step(frame, then=partial(simulation.draw, *way.before.states[last], 1.0) if frame == last else None)
         frames.pass_over(frames, np.zeros(self._track.frames))
-        return Loop(self._travel, rounds, float(apart.max()), REPEATED, (begin, self._track.frames - 1), drawn=True)
+        return Loop(self._travel, rounds, way.gap, REPEATED, (way.begin, last), drawn=True, renewed=self._renewed)
 
 
 class _Lap(NamedTuple):
-    """A round, where it may be drawn on from, and positions [m] and velocities [m/s] after that, (V, 3) each."""
+    """A round, and by frame where it may be drawn on from, positions [m] and velocities [m/s] after that, (V, 3)."""
 
     frames: Frames
-    marks: list[Mark]
-    states: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
+    marks: dict[int, Mark]
+    states: dict[int, tuple[NDArray[np.float32], NDArray[np.float32]]]
 
 
-class _Pair(NamedTuple):
-    """Two rounds, the one after the other."""
+class _Way(NamedTuple):
+    """How a round may be drawn to the end of the one before: from which frame on, how far at most [m], and how fast [m
+    per frame]."""
 
     before: _Lap
     after: _Lap
+    begin: int
+    gap: float
+    speed: float
 
 
 class _Alike(NamedTuple):
@@ -173,5 +184,5 @@ def closest(apart: FloatArray, width: int) -> _Alike:
 
 def passage(frames: int, first: int, last: int) -> FloatArray:
     """Shares that rise from 0 at one frame to 1 at another, without a jolt at either, shape (frames,)."""
-    share = np.clip((np.arange(frames) - first) / (last - first), 0.0, 1.0)
+    share = np.clip((np.arange(frames) - first) / max(last - first, 1), 0.0, 1.0)
     return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)

@@ -85,8 +85,8 @@ def _on_loop(take: Take) -> list[str]:
         return []
     if not loop.travel.loops:
         notes.append(
-            f"the clip doesn't loop: at its end {loop.travel.bone} is {loop.travel.gap:.2f} m from where it begins, so "
-            "that it jumps there, and the cape with it"
+            f"the clip doesn't loop: at its end {loop.travel.bone} is {loop.travel.gap:.2f} m from where it begins; "
+            f"it jumps there, and the cape {'is put on anew' if loop.renewed else 'with it'}"
         )
     if not loop.repeats:
         way = "drawn back to where it was" if loop.drawn else "mixed with where it was"

@@ -232,6 +232,34 @@ def test_a_step_may_be_told_to_be_a_jump(cuts: Cuts | None):
     np.testing.assert_allclose(simulation.positions, before + np.array([0.1, 0.0, 0.0]), atol=1e-3)
 
 
+def test_what_is_free_is_drawn_a_share_of_the_way():
+    simulation = Simulation(sheet(), solver=DOUBLE)
+    simulation.step(poses_of(swing(), simulation.bones)[0], FRAME)
+    places, speeds = simulation.positions, simulation.velocities
+    simulation.draw(places + np.array([0.0, 0.1, 0.0]), speeds + np.array([0.0, 0.0, 2.0]), 0.25)
+    held, free = np.arange(4), np.arange(4, len(places))
+    np.testing.assert_array_equal(simulation.positions[held], places[held])
+    np.testing.assert_allclose((simulation.positions - places)[free], [[0.0, 0.025, 0.0]] * len(free), atol=1e-12)
+    np.testing.assert_allclose((simulation.velocities - speeds)[free], [[0.0, 0.0, 0.5]] * len(free), atol=1e-12)
+    with pytest.raises(ValueRangeError, match="positions and velocities must be finite and of shape"):
+        simulation.draw(places[1:], speeds, 0.5)
+
+
+def test_a_simulation_that_goes_back_goes_on_as_it_did():
+    scene = replace(sheet(), self_contact=cape.SelfContact(), colliders=[cape.Sphere(bone="rod", radius=0.1)])
+    simulation = Simulation(scene)
+    poses = poses_of(swing(), simulation.bones)
+    for pose in poses[:20]:
+        simulation.step(pose, FRAME)
+    mark, ends = simulation.mark(), []
+    for _ in range(2):
+        simulation.go_back(mark)
+        for pose in poses[20:25]:
+            simulation.step(pose, FRAME)
+        ends.append(simulation.positions)
+    np.testing.assert_array_equal(*ends)
+
+
 def test_the_passage_is_where_two_rounds_are_most_alike():
     apart = np.array([9.0, 8.0, 3.0, 1.0, 2.0, 1.5, 7.0, 0.0, 8.0])
     assert looping.closest(apart, 2) == (3, 2.0)
