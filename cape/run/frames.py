@@ -70,8 +70,8 @@ class Frames:
         """Time spent on their steps [s]."""
         return self._solve_s
 
-    def step(self, frame: int, then: Callable[[], None] | None = None) -> None:
-        """Step to a frame of the track, which is the next, and do something `then`, before it is kept.
+    def step(self, frame: int) -> None:
+        """Step to a frame of the track, which is the next.
 
         Raises:
             Diverged: the cloth explodes; the frames before are kept.
@@ -88,8 +88,6 @@ class Frames:
         if renewed > self._counted[1]:
             self._renewed.append(frame)
         self._counted = jumps, renewed
-        if then is not None:
-            then()
         self._keep(frame)
 
     def run(self, progress: Callable[[int], None]) -> None:

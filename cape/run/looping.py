@@ -33,9 +33,10 @@ from skeleton.track import BoneTrack
 FloatArray = NDArray[np.float64]
 
 REPEATED = 0.005  # m between two rounds, below which the cloth repeats
-NEARER = 0.9  # times as far apart as the rounds before: others are not worth another round
+NEARER = 0.9  # times as far apart as the pair of rounds before: if they are farther, more rounds would not help
 LEAST_ROUNDS, MOST_ROUNDS = 4, 12  # of cloth that does not repeat
 BLENDED = 2.0  # s over which one round passes into the other at most, and at most half of it
+MIXED = 0.25  # of that, at the end, in which what is left of the difference is mixed away
 SHORTEST, BEGINS = 0.5, 10  # s that it takes at least, where it is drawn there, and how many times between are tried
 
 
@@ -64,13 +65,13 @@ class Laps:
         Raises:
             Diverged: the cloth explodes.
         """
-        begun, rounds, nearest = time.perf_counter(), 2, np.inf
+        begun, rounds, former = time.perf_counter(), 2, np.inf
         before, after = None, self._next(partial(self._tell, progress, rounds))
         apart, ways = distances(first.positions, after.frames.positions), []
         while (alike := closest(apart, self._width)).gap > REPEATED and rounds < MOST_ROUNDS:
-            if rounds > LEAST_ROUNDS and alike.gap > NEARER * nearest:
+            if rounds >= LEAST_ROUNDS and alike.gap > NEARER * former:
                 break
-            rounds, nearest = rounds + 1, alike.gap
+            rounds, former = rounds + 1, alike.gap
             before, after = after, self._next(partial(self._tell, progress, rounds))
             apart = distances(before.frames.positions, after.frames.positions)
             ways.append(self._way(before, after, apart))
@@ -139,8 +140,10 @@ class Laps:
             # Drawn before it is stepped: what limbs then have no place for they push away.
             if frame - 1 > way.begin:
                 simulation.draw(*way.before.states[frame - 1], 1.0 - left[frame - 1] / left[frame - 2])
-            frames.step(frame, then=partial(simulation.draw, *way.before.states[last], 1.0) if frame == last else None)
-        frames.pass_over(frames, np.zeros(self._track.frames))
+            frames.step(frame)
+        # Layers that came to lie otherwise keep it a little off.
+        mixed = passage(self._track.frames, last - max(round(MIXED * (last - way.begin)), 1), last)
+        frames.pass_over(way.before.frames, mixed)
         return Loop(self._travel, rounds, way.gap, REPEATED, (way.begin, last), drawn=True, renewed=self._renewed)
 
 
