@@ -17,7 +17,7 @@ import skeleton
 from cape.results.take import Take
 
 FRAMES, ROWS, COLUMNS = 524, 48, 32
-CHOICES = [None, ["cape"], ["skeleton"], ["hitboxes"], ["floor"], ["plots"], []]
+CHOICES = [None, ["cape"], ["body"], ["skeleton"], ["hitboxes"], ["floor"], ["plots"], []]
 
 
 def make_take() -> Take:
