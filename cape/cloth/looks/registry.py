@@ -28,12 +28,14 @@ LOOKS: Final[dict[str, Look]] = {
         slub=0.1,
     ),
     "jersey": Look(color=(152, 154, 160), weave=weaves.knit(), repeat=0.0009, lining=(120, 122, 128), slub=0.02),
-    "ponte": Look(color=(188, 142, 92), weave=weaves.knit(), repeat=0.0011, lining=(150, 110, 70)),
+    "ponte": Look(color=(188, 142, 92), weave=weaves.knit(), repeat=0.0011, lining=(150, 110, 70), slub=0.015),
     "rib": Look(color=(222, 212, 190), weave=weaves.knit(2), repeat=0.004, lining=(196, 184, 160), slub=0.01),
     "sweater": Look(color=(44, 56, 92), weave=weaves.knit(), repeat=0.0024, lining=(36, 44, 72), slub=0.05),
     "fleece": Look(color=(122, 84, 64), weave=weaves.pile, repeat=0.003, lining=(206, 140, 150), rough=1.0),
     "jacket": Look(color=(214, 74, 34), repeat=0.0006, lining=(60, 60, 66), rough=0.6),
-    "swim": Look(color=(226, 230, 232), weave=weaves.knit(), repeat=0.0006, lining=(196, 204, 210), rough=0.5),
+    "swim": Look(
+        color=(226, 230, 232), weave=weaves.knit(), repeat=0.0006, lining=(196, 204, 210), rough=0.5, slub=0.015
+    ),
     "tablecloth": Look(
         color=(68, 68, 76),
         weave=weaves.satin(5, 2),
