@@ -1,11 +1,39 @@
-"""Files that appear under their names complete, or not at all."""
+"""Files that are read whole, within limits, and files that appear under their names complete or not at all."""
 
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from motions.errors import FileError
+from motions.limits import LARGEST_FILE
+
+
+def read_bytes(path: Path) -> bytes:
+    """All of a regular file: what never ends, or waits for a writer, is none.
+
+    Raises:
+        FileError: it is missing, no regular file, too large, or can't be read.
+    """
+    try:
+        found = os.stat(path)
+        if stat.S_ISDIR(found.st_mode):
+            raise FileError(f"{path} is a directory, not a file")
+        if not stat.S_ISREG(found.st_mode):
+            raise FileError(f"{path} is not a regular file")
+        if found.st_size > LARGEST_FILE:
+            raise FileError(f"{path} has {found.st_size / 2**20:.0f} MB, more than {LARGEST_FILE / 2**20:.0f}")
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"can't read {str(path)[:200]}: {getattr(error, 'strerror', None) or error}") from None
+
+
+def printable(text: str) -> str:
+    """A text of a file as it may stand in a terminal: what is no character to be seen is written as an escape."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 @contextmanager

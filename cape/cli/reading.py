@@ -70,7 +70,7 @@ class Reading:
         return motions.MotionGraph(list(clips.values())).play(steps)
 
     def _read(self, clip: str, name: str | None = None) -> motions.Clip:
-        return motions.load(clip, unit=_unit(self.unit), up=self.up, height=self.height, name=name)
+        return motions.load(clip, unit=_unit(self.unit), up=self.up, height=self.height, name=name, rate=self.rate)
 
     def load(self) -> motions.Clip:
         """Read, trim and resample the clip.

@@ -14,7 +14,6 @@ Numbers are written with all of their digits, so that what is read is what was w
 """
 
 import json
-import math
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -23,7 +22,8 @@ from typing import Any
 import numpy as np
 
 from motions.errors import FileError, UnknownNameError, UserError
-from motions.files import write_text
+from motions.files import printable, read_bytes, write_text
+from motions.limits import LARGEST_NUMBER
 from skeleton.shapes import SHAPES, Shape, shape_named, word_of
 
 _COMMON = {"friction": 0, "thickness": 0}
@@ -67,11 +67,12 @@ def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple
             hold.
     """
     try:
-        with open(path, "rb") as file:
-            content = tomllib.load(file)
-    except OSError as error:
-        raise FileError(f"can't read {path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        content = tomllib.loads(read_bytes(Path(path)).decode())
+    except FileError:
+        raise
+    except RecursionError:
+        raise FileError(f"{path} is no TOML file of solids: it is nested too deeply") from None
+    except ValueError as error:  # of TOML, of its encoding, or of a number of thousands of digits
         raise FileError(f"{path} is no TOML file: {error}") from None
     _only(content, ("robot", "solid"), str(path))
     robot, tables = content.get("robot", ""), content.get("solid", [])
@@ -79,13 +80,14 @@ def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple
         raise FileError(f"{path}: robot is a text, not {robot!r}")
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise FileError(f"{path}: solids are tables [[solid]]")
-    solids: list[Shape] = []
+    solids: dict[str, Shape] = {}
     for number, table in enumerate(tables, start=1):
         where = f"{path}: solid {number}" + (f" ({table['name']!r})" if "name" in table else "")
-        solids.append(_solid(table, where, bones))
-        if solids[-1].name in (solid.name for solid in solids[:-1]):
+        solid = _solid(table, where, bones)
+        if solid.name in solids:
             raise FileError(f"{where}: there is a solid of that name already")
-    return robot, tuple(solids)
+        solids[solid.name] = solid
+    return robot, tuple(solids.values())
 
 
 def _header() -> str:
@@ -135,6 +137,9 @@ def _solid(table: Mapping[str, Any], where: str, bones: Collection[str] | None) 
     _only(table, (*_TEXTS, *numbers), where)
     if missing := [key for key in needed if key not in table]:
         raise FileError(f"{where} lacks {', '.join(missing)}; a {table['kind']} has {', '.join(needed)}")
+    for key in _TEXTS:
+        if printable(table.get(key, "")) != table.get(key, ""):
+            raise FileError(f"{where}: {key} holds characters that can't be seen: {table[key]!r}")
     bone = table.get("bone")
     if bones is not None and bone is not None and bone not in bones:
         raise FileError(f"{where}: no bone named {bone!r}; available: {', '.join(bones)}")
@@ -163,4 +168,4 @@ def _numbers(value: Any, size: int, where: str) -> Any:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
