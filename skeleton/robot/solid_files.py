@@ -163,7 +163,7 @@ def _numbers(value: Any, size: int, where: str) -> Any:
     """
     entries = value if size else [value]
     if not isinstance(entries, list) or len(entries) != max(size, 1) or not all(map(_is_number, entries)):
-        raise FileError(f"{where} is {f'a list of {size} numbers' if size else 'a number'}, not {value!r}")
+        raise FileError(f"{where} is {f'a list of {size} numbers' if size else 'a number'}, not {repr(value)[:60]}")
     return np.array(entries, dtype=float) if size else float(value)
 
 

@@ -268,6 +268,13 @@ def test_clips_and_info_tell_what_there_is(once):
         assert word in told
 
 
+def test_an_end_beyond_the_clip_is_told_and_taken_for_its_end(once):
+    last = motions.load("idle").duration
+    done = once("replay", "idle", "--start", str(last - 0.1), "--end", "99", "-o", "out.rrd", "--json")
+    assert json.loads(done.stdout)["frames"] == 7
+    assert f"end: 99 s is beyond the motion, which lasts {last:g} s: it is taken to its end" in unfolded(done.stderr)
+
+
 def test_fabrics_are_listed_with_how_they_drape_and_who_measured_them(once):
     told = unfolded(once("fabrics").stdout)
     assert all(name in told for name in FABRICS)
