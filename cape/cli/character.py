@@ -60,7 +60,7 @@ def read_character(reading: Reading, *, hitboxes: str | None = None) -> Characte
         clip = reading.load()
         body = reading.body(clip)
         solids = find_hitboxes(body, hitboxes or BY_PROPORTIONS)
-        return _character(clip.name, body, body.track(clip), solids, clip.decisions)
+        return _character(clip.name, body, body.track(clip), solids, (*clip.decisions, *body.decisions))
     robot = reading.robot(reading.skeleton)
     # Hitboxes are fitted to meshes, which takes seconds: whatever is wrong with the motion is told before.
     if (path := reading.configuration_file) is not None:

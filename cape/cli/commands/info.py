@@ -109,7 +109,16 @@ def _subject(reading: Reading, hitboxes: str | None) -> _Subject:
             ("joints", f"{len(clip.joints)} and {len(clip.end_parents)} end sites, root {clip.joints[0]!r}"),
         ]
         track = body.track(clip) if clip.frames > 1 else None
-        return _Subject(rows, body, clip.joints, track, solids.solids, solids.left_out, clip.decisions, human=True)
+        return _Subject(
+            rows,
+            body,
+            clip.joints,
+            track,
+            solids.solids,
+            solids.left_out,
+            (*clip.decisions, *body.decisions),
+            human=True,
+        )
     who = read_character(reading, hitboxes=hitboxes)
     track, solids = who.track, who.hitboxes
     rows = [
