@@ -119,7 +119,7 @@ class Skeleton:
         names = tuple(model.names)[1:]
         parents = np.array(model.parents.tolist()[1:]) - 1
         given = {role: joint for role, joint in known_roles(path_or_name).items() if joint in names}
-        found = find_roles(names, parents.tolist(), {**given, **(roles or {})})
+        found = _roles_of_robot(model, parents.tolist(), {**given, **(roles or {})})
         up, decisions = (up, ()) if up is not None else _choose_up(_robot_rest(model, found))
         _stand_up(model, up)
         source = RobotSource(path, tuple(package_folders(path, package_dirs)))
@@ -271,6 +271,25 @@ def _roles_of_clip(clip: Clip, given: Mapping[str, str] | None) -> tuple[dict[st
     found = {role: {**guessed, **named}[role] for role in ROLES if role in guessed or role in named}
     told = ", ".join(f"{role}={joint}" for role, joint in guessed.items())
     return found, (f"roles guessed from the shape of the body: {told}; name others by --attach ROLE=BONE",)
+
+
+def _roles_of_robot(model: "pinocchio.Model", parents: list[int], given: Mapping[str, str]) -> dict[str, str]:
+    """The joint that plays each role, by the joints' names, or by those of the links that they move."""
+    import pinocchio as pin
+
+    names = tuple(model.names)[1:]
+    found = find_roles(names, parents, given)
+    if all(f"{side}_upper_arm" in found for side in SIDES):
+        return found
+    moved: dict[int, str] = {}
+    for frame in model.frames.tolist():
+        if frame.type == pin.FrameType.BODY:
+            moved.setdefault(int(frame.parentJoint) - 1, frame.name)
+    links = [moved.get(joint, "") for joint in range(len(names))]
+    unique = [link if links.count(link) == 1 else f"{link} {joint}" for joint, link in enumerate(links)]
+    by_link = find_roles(unique, parents, {role: unique[names.index(joint)] for role, joint in given.items()})
+    others = {role: names[unique.index(link)] for role, link in by_link.items()}
+    return {role: {**others, **found}[role] for role in ROLES if role in found or role in others}
 
 
 def _model_of_urdf(path: Path, floating_base: bool) -> "pinocchio.Model":

@@ -304,3 +304,29 @@ def test_importing_loads_no_heavy_package():
     root = Path(__file__).parents[2]
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root)
     assert result.stdout.strip() == "[]"
+
+
+def test_links_tell_who_is_who_where_joints_do_not(tmp_path):
+    links, joints = (
+        ["pelvis", "utorso", "head"],
+        ['<joint name="bky" {0}><parent link="pelvis"/><child link="utorso"/>{1}'],
+    )
+    joints.append('<joint name="nky" {0}><parent link="utorso"/><child link="head"/>{1}')
+    for side in "lr":
+        for first, chain in (("utorso", ("uarm", "farm", "hand")), ("pelvis", ("uleg", "lleg", "foot"))):
+            above = first
+            for number, part in enumerate(chain):
+                links.append(f"{side}_{part}")
+                joints.append(
+                    f'<joint name="{side}{first[0]}{number}" {{0}}><parent link="{above}"/><child link="{links[-1]}"/>{{1}}'
+                )
+                above = links[-1]
+    text = "".join(f'<link name="{link}">{INERTIAL}</link>' for link in links)
+    text += "".join(joint.format('type="revolute"', HINGE + "</joint>") for joint in joints)
+    (tmp_path / "terse.urdf").write_text(f'<robot name="terse">{text}</robot>')
+    body = Skeleton.from_urdf(tmp_path / "terse.urdf")
+    for number, (arm, leg) in enumerate((("upper_arm", "thigh"), ("forearm", "shin"), ("hand", "foot"))):
+        for side in ("left", "right"):
+            assert body.role(f"{side}_{arm}") == f"{side[0]}u{number}"
+            assert body.role(f"{side}_{leg}") == f"{side[0]}p{number}"
+    assert body.role("chest") == "bky"
