@@ -15,6 +15,7 @@ from skeleton import (
     kept_hitboxes_of,
     link_surfaces,
     load_hitboxes,
+    missing_meshes,
     retarget,
 )
 
@@ -91,6 +92,7 @@ def _character(
     if body.is_robot:
         try:
             surfaces = link_surfaces(body, "visual")
+            decisions = (*decisions, *missing_meshes(body, "visual"))
         except FileError as error:
             decisions = (*decisions, f"not drawn: {error}")
     return Character(name, body, track, hitboxes, surfaces, retargeted, (*decisions, *hitboxes.decisions))

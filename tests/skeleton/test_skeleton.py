@@ -307,22 +307,18 @@ def test_importing_loads_no_heavy_package():
 
 
 def test_links_tell_who_is_who_where_joints_do_not(tmp_path):
-    links, joints = (
-        ["pelvis", "utorso", "head"],
-        ['<joint name="bky" {0}><parent link="pelvis"/><child link="utorso"/>{1}'],
-    )
-    joints.append('<joint name="nky" {0}><parent link="utorso"/><child link="head"/>{1}')
-    for side in "lr":
+    joints = [("bky", "pelvis", "utorso", "0 0 0.4"), ("nky", "utorso", "head", "0 0 0.2")]
+    for side, y in (("l", 0.2), ("r", -0.2)):
         for first, chain in (("utorso", ("uarm", "farm", "hand")), ("pelvis", ("uleg", "lleg", "foot"))):
-            above = first
+            above, place = first, f"0 {y} 0"
             for number, part in enumerate(chain):
-                links.append(f"{side}_{part}")
-                joints.append(
-                    f'<joint name="{side}{first[0]}{number}" {{0}}><parent link="{above}"/><child link="{links[-1]}"/>{{1}}'
-                )
-                above = links[-1]
+                joints.append((f"{side}{first[0]}{number}", above, f"{side}_{part}", place))
+                above, place = f"{side}_{part}", "0 0 -0.3"
+    links = ("pelvis", *(child for _, _, child, _ in joints))
     text = "".join(f'<link name="{link}">{INERTIAL}</link>' for link in links)
-    text += "".join(joint.format('type="revolute"', HINGE + "</joint>") for joint in joints)
+    for name, parent, child, place in joints:
+        ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{place}"/>'
+        text += f'<joint name="{name}" type="revolute">{ends}{HINGE}</joint>'
     (tmp_path / "terse.urdf").write_text(f'<robot name="terse">{text}</robot>')
     body = Skeleton.from_urdf(tmp_path / "terse.urdf")
     for number, (arm, leg) in enumerate((("upper_arm", "thigh"), ("forearm", "shin"), ("hand", "foot"))):
