@@ -38,6 +38,11 @@ class Reading:
         return Path(self.clip)
 
     @property
+    def files(self) -> tuple[str | None, ...]:
+        """What is read, as far as it is files."""
+        return self.clip, self.skeleton
+
+    @property
     def frame_rate(self) -> float | None:
         """The frames per second that were asked for.
 

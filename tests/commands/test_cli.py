@@ -268,6 +268,19 @@ def test_clips_and_info_tell_what_there_is(once):
         assert word in told
 
 
+def test_what_is_read_is_not_written(once, tmp_path):
+    clip = tmp_path / "walk.bvh"
+    motions.save(motions.load("walk").trim(0.0, 0.2), clip)
+    before = clip.read_bytes()
+    (tmp_path / "link.bvh").symlink_to(clip)
+    for output in (clip, tmp_path / "link.bvh"):
+        _, line = mistake_told(once("hitboxes", clip, "--bare", "-o", output))
+        assert line.endswith("it is what is read")
+    _, line = mistake_told(once("hitboxes", clip, "--bare", "-o", "-"))
+    assert "standard output" in line
+    assert clip.read_bytes() == before
+
+
 def test_an_end_beyond_the_clip_is_told_and_taken_for_its_end(once):
     last = motions.load("idle").duration
     done = once("replay", "idle", "--start", str(last - 0.1), "--end", "99", "-o", "out.rrd", "--json")
