@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from motions import quaternions, stature
+from motions import quaternions
+from motions.bodies import stature
 from motions.errors import UnknownNameError, ValueRangeError
 from motions.kinematics import forward_kinematics
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from motions import stature
+from motions.bodies import stature
 from motions.errors import UnknownNameError, ValueRangeError
 
 FloatArray = NDArray[np.float64]

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from motions import conventions, quaternions, stature
+from motions import conventions, quaternions
+from motions.bodies import stature
 from motions.bvh import reader
 from motions.bvh.reader import Recording
 from motions.clip import Clip

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motions import quaternions
+from motions.bodies.roles import ROLES, SIDES, find_roles, require_role
+from motions.bodies.shape import roles_by_shape
 from motions.clip import Clip
 from motions.conventions import to_z_up
 from motions.errors import FileError, UnknownNameError, ValueRangeError
 from motions.kinematics import forward_kinematics
-from motions.roles import ROLES, SIDES, find_roles, require_role
-from motions.shape import roles_by_shape
 from skeleton.capsules import Capsule, body_capsules
 from skeleton.known_robots import RobotSource, find_urdf, known_roles, package_folders
 from skeleton.rest import RestPose, mean_rotations, missing_roles

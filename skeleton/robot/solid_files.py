@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from motions.errors import FileError, UnknownNameError, UserError
-from motions.files import printable, read_bytes, write_text
+from motions.files import read_bytes, write_text
 from motions.limits import LARGEST_NUMBER
 from skeleton.shapes import SHAPES, Shape, shape_named, word_of
 
@@ -137,9 +137,6 @@ def _solid(table: Mapping[str, Any], where: str, bones: Collection[str] | None) 
     _only(table, (*_TEXTS, *numbers), where)
     if missing := [key for key in needed if key not in table]:
         raise FileError(f"{where} lacks {', '.join(missing)}; a {table['kind']} has {', '.join(needed)}")
-    for key in _TEXTS:
-        if printable(table.get(key, "")) != table.get(key, ""):
-            raise FileError(f"{where}: {key} holds characters that can't be seen: {table[key]!r}")
     bone = table.get("bone")
     if bones is not None and bone is not None and bone not in bones:
         raise FileError(f"{where}: no bone named {bone!r}; available: {', '.join(bones)}")

@@ -7,9 +7,9 @@ import pytest
 
 import motions
 from motions import quaternions
+from motions.bodies.roles import ROLES, SIDES, find_roles
+from motions.bodies.shape import find_shape, roles_by_shape, segments_of
 from motions.clip import Clip
-from motions.roles import ROLES, SIDES, find_roles
-from motions.shape import find_shape, roles_by_shape, segments_of
 
 LIMBS = [f"{side}_{limb}" for side in SIDES for limb in ("upper_arm", "forearm", "hand", "thigh", "shin", "foot")]
 

@@ -19,8 +19,8 @@ from cape.scene.colliders import Collider
 from cape.scene.dress import dress
 from cape.scene.jumps import Cuts, seam
 from cape.start import check_start
+from motions.bodies.roles import ROLES
 from motions.errors import UserError
-from motions.roles import ROLES
 from skeleton import ROBOTS, BoneTrack, Finding, Skeleton, check_motion, column_names
 from skeleton.robot.links import body_height
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from motions.roles import find_roles
-from motions.shape import find_shape, path_down, path_length, path_to_tip, segments_of
+from motions.bodies.roles import find_roles
+from motions.bodies.shape import find_shape, path_down, path_length, path_to_tip, segments_of
 
 FloatArray = NDArray[np.float64]
 
