@@ -63,8 +63,8 @@ class Scene:
 
         Raises:
             UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
-            ValueRangeError: an attachment is of another cloth, a vertex is attached twice, two colliders share a name, a
-                value is out of range, or strain is to be limited in a mesh.
+            ValueRangeError: an attachment is of another cloth, a vertex is attached twice, two colliders share a name,
+                a value is out of range, or strain is to be limited in a mesh.
         """
         for attachment in self.attachments:
             _require_of(self.cloth, attachment)
