@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from motions import quaternions, stature
+from motions import quaternions
+from motions.bodies import stature
 from motions.errors import UnknownNameError, ValueRangeError
 from motions.kinematics import forward_kinematics
 
@@ -216,15 +217,19 @@ class Clip:
         at = self.end_parents
         return positions[:, at] + quaternions.rotate(rotations[:, at], self.end_offsets)
 
-    def standing_height(self) -> float:
-        """Height of the body if it stood upright [m], whatever its pose in the clip; see `stature.standing_height`."""
+    def sampled(self) -> "Clip":
+        """A few of the frames, spread over the clip: enough to measure a body by."""
         few = np.unique(np.linspace(0, self.frames - 1, stature.SAMPLES).astype(np.int64))
-        sampled = replace(
+        return replace(
             self,
             root_positions=self.root_positions[few],
             rotations_wxyz=self.rotations_wxyz[few],
             local_positions=None if self.local_positions is None else self.local_positions[few],
         )
+
+    def standing_height(self) -> float:
+        """Height of the body if it stood upright [m], whatever its pose in the clip; see `stature.standing_height`."""
+        sampled = self.sampled()
         points = np.concatenate([sampled.world_positions(), sampled.end_positions()], axis=1)
         landmarks = stature.find_landmarks(self.joints, self.parents, self.end_parents, points)
         return stature.standing_height(points, landmarks)

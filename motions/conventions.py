@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from motions import stature
+from motions.bodies import stature
 from motions.errors import UnknownNameError, ValueRangeError
 
 FloatArray = NDArray[np.float64]
@@ -24,6 +24,14 @@ USUAL_HEIGHT = 1.7
 # A first step of this many body heights, and of this many times the largest of the next ten steps, is no motion: at 30
 # frames a second a sprinter's foot covers 0.2 heights a frame, but does so frame after frame.
 _JUMP, _JUMP_RATIO, JUMP_FRAMES = 0.2, 4.0, 12
+# A first frame in which no joint is turned needs less of a ratio: it is that of the file's making.
+_BARE_RATIO = 1.0
+UNTURNED = float(np.cos(np.deg2rad(0.25)))  # |w| of a rotation by half a degree
+
+# Mean of what is upwards from feet to head: above which there is no doubt, and below which a body turns over.
+_UPRIGHT, _TURNED_OVER = 0.7, 0.35
+# In body heights: how little the lowest point of a body that crawls rises, and how far it gets along its own length.
+_FLOOR, _OFF_FLOOR = 0.15, 0.6
 
 # to_z_up[axis] turns the file's axis to +z: rows are the axes of Z up in the file's.
 _TO_Z_UP = {
@@ -67,12 +75,13 @@ def meters_per_unit(unit: str | float) -> float:
     return meters
 
 
-def jumps_at_start(points: FloatArray, height: float) -> float | None:
+def jumps_at_start(points: FloatArray, height: float, *, bare: bool = False) -> float | None:
     """Whether the first frame is foreign to the motion, as the T-pose in front of CMU's files.
 
     Args:
         points: positions at the first frames, at most `JUMP_FRAMES` of them, shape (F, N, 3).
         height: of the body, same unit.
+        bare: whether no joint is turned in the first frame: a pose that bodies are made in, and few motions begin with.
 
     Returns:
         How far a point moves from the first frame to the second, in body heights, or None where it is no jump.
@@ -80,24 +89,44 @@ def jumps_at_start(points: FloatArray, height: float) -> float | None:
     if len(points) < 3 or height <= 0:
         return None
     steps = np.linalg.norm(np.diff(points, axis=0), axis=-1).max(axis=1) / height
-    return float(steps[0]) if steps[0] > _JUMP and steps[0] > _JUMP_RATIO * steps[1:].max() else None
+    ratio = _BARE_RATIO if bare else _JUMP_RATIO
+    return float(steps[0]) if steps[0] > _JUMP and steps[0] > ratio * steps[1:].max() else None
 
 
-def choose_up(points: FloatArray, landmarks: stature.Landmarks | None) -> tuple[str, str]:
-    """The axis along which the head lies above the feet, and a sentence about the choice.
+def choose_up(points: FloatArray, landmarks: stature.Landmarks | None, height: float) -> tuple[str, str]:
+    """The axis that points up, Y or Z, and a sentence about the choice and what is doubtful about it.
+
+    It is the one that the body stands along, on its feet or its hands; what turns over stands so at first. But where
+    the other one is that of a floor, from which what crawls is never far while it moves along its own length, it is
+    that.
 
     Args:
         points: positions of joints and end sites over some frames, shape (F, N, 3).
         landmarks: of the body, None where it has no known head and feet.
+        height: of the body, same unit.
     """
     if landmarks is None:
         axis = "y" if np.ptp(points, axis=1).mean(axis=0).argmax() == 1 else "z"
         return axis, f"up: +{axis.upper()} axis, a guess, since no head and feet were found; give up to change it"
     direction = stature.upright_direction(points, landmarks)
-    index = int(np.abs(direction).argmax())
-    sign, axis = ("-" if direction[index] < 0 else ""), "xyz"[index]
-    doubt = "" if abs(direction[index]) > 0.7 else "; the body is far from upright, give up if it's wrong"
-    return sign + axis, f"up: {sign or '+'}{axis.upper()} axis, along which the head is above the feet{doubt}"
+    turns = np.abs(direction[1:]).max() < _TURNED_OVER
+    if turns:
+        direction = stature.upright_direction(points[:1], landmarks)
+    along = dict(zip("yz", direction[1:], strict=True))
+    axis = max(along, key=lambda name: abs(along[name]))
+    other = "z" if axis == "y" else "y"
+    lows = {name: float(np.ptp(points[..., "xyz".index(name)].min(axis=1))) for name in "yz"}
+    if lows[other] < _FLOOR * height and lows[axis] > _OFF_FLOOR * height:
+        return other, (
+            f"up: +{other.upper()} axis, as the body stays on a floor across it while it moves along its own length; "
+            "give up if it's wrong"
+        )
+    where = "along which the head is above the feet"
+    if along[axis] < 0.0:
+        where = "a convention, though the feet are above the head in most frames; give up if it's wrong"
+    elif turns or along[axis] <= _UPRIGHT:
+        where += "; the body is far from upright, give up if it's wrong"
+    return axis, f"up: +{axis.upper()} axis, {where}"
 
 
 def choose_unit(height: float) -> tuple[float, str]:

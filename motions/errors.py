@@ -1,6 +1,7 @@
 """The errors that a user's input can cause; the command line prints each as one line and exits with status 2."""
 
 from collections.abc import Iterable
+from numbers import Integral
 
 
 class UserError(ValueError):
@@ -22,3 +23,16 @@ class UnknownNameError(UserError):
         """State that `name` is no `kind`, list the `available` ones and close with the `hint`."""
         listed = ", ".join(available) or "none"
         super().__init__(f"no {kind} named {name!r}; available: {listed}" + (f". {hint}" if hint else ""))
+
+
+def require_whole(name: str, value: object, least: int, most: int) -> None:
+    """Check that a value is a whole number within bounds.
+
+    Raises:
+        ValueRangeError: it is none, or outside of them.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise ValueRangeError(f"{name} must be a whole number, not {value!r}")
+    if not least <= value <= most:
+        bound = f"{least} or more" if value < least else f"{most} at most"
+        raise ValueRangeError(f"{name} must be {bound}, not {value}")

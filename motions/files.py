@@ -1,11 +1,42 @@
-"""Files that appear under their names complete, or not at all."""
+"""Files that are read whole, within limits, and files that appear under their names complete or not at all."""
 
 import os
+import platform
+import re
+import secrets
+import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from motions.errors import FileError
+from motions.errors import FileError, UserError
+from motions.limits import LARGEST_FILE
+
+
+def read_bytes(path: Path) -> bytes:
+    """All of a regular file: what never ends, or waits for a writer, is none.
+
+    Raises:
+        FileError: it is missing, no regular file, too large, or can't be read.
+    """
+    try:
+        found = os.stat(path)
+        if stat.S_ISDIR(found.st_mode):
+            raise FileError(f"{path} is a directory, not a file")
+        if not stat.S_ISREG(found.st_mode):
+            raise FileError(f"{path} is not a regular file")
+        if found.st_size > LARGEST_FILE:
+            raise FileError(f"{path} has {found.st_size / 2**20:.0f} MB, more than {LARGEST_FILE / 2**20:.0f}")
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"can't read {str(path)[:200]}: {getattr(error, 'strerror', None) or error}") from None
+
+
+def printable(text: str) -> str:
+    """A text of a file as it may stand in a terminal: what is no character to be seen is written as an escape."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 @contextmanager
@@ -17,22 +48,54 @@ def whole_file(path: Path) -> Iterator[Path]:
     Raises:
         FileError: it can't be written.
     """
-    partial = path.with_name(f".{os.getpid()}.part{path.suffix}")
     try:
+        partial = begin_file(path)
         try:
             yield partial
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
-    except OSError as error:
-        raise FileError(f"can't write {path}: {error.strerror}") from error
+    except (OSError, ValueError) as error:
+        if isinstance(error, UserError):
+            raise
+        raise FileError(f"can't write {path}: {getattr(error, 'strerror', None) or error}") from error
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text file; one that is there is replaced at the end.
+def begin_file(path: Path) -> Path:
+    """Make an empty file beside `path`, of the same suffix, under a name that nobody can foresee.
+
+    What processes of this machine that are gone have begun there is removed.
+
+    Raises:
+        OSError: it can't be made.
+    """
+    path = path.resolve()
+    host = re.sub(r"\W", "_", platform.node())
+    for left in path.parent.glob(f".{host}-*-*.part*"):
+        found = re.fullmatch(rf"\.{host}-(\d+)-[0-9a-f]{{32}}\.part(\.\w+)?", left.name)
+        if found and not _is_running(int(found[1])):
+            with suppress(OSError):
+                left.unlink()
+    partial = path.with_name(f".{host}-{os.getpid()}-{secrets.token_hex(16)}.part{path.suffix}")
+    partial.touch(exist_ok=False)
+    return partial
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        pass  # somebody else's
+    return True
+
+
+def write_text(path: Path, text: str, *, newline: str | None = None) -> None:
+    """Write a text file; one that is there is replaced at the end. `newline` is as of `open`.
 
     Raises:
         FileError: it can't be written.
     """
     with whole_file(path) as partial:
-        partial.write_text(text, encoding="utf-8")
+        partial.write_text(text, encoding="utf-8", newline=newline)

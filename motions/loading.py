@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from motions import conventions, quaternions, stature
+from motions import conventions, quaternions
+from motions.bodies import stature
 from motions.bvh import reader
 from motions.bvh.reader import Recording
 from motions.clip import Clip
@@ -28,6 +29,7 @@ def load(
     height: float | None = None,
     keep_first_frame: bool | None = None,
     name: str | None = None,
+    rate: float | None = None,
 ) -> Clip:
     """Read a BVH file into a clip, in metres and Z up.
 
@@ -42,11 +44,12 @@ def load(
         keep_first_frame: False drops the first frame, True keeps it, None drops it where the body jumps from it to the
             second, as from the T-pose in front of CMU's files.
         name: what to call the clip, by default the stem of the file.
+        rate: frames per second, whatever the file says.
 
     Raises:
         FileError: the file is missing, unreadable or malformed; names the line.
         UnknownNameError: no such unit or up axis.
-        ValueRangeError: a unit or height of 0 or less, or both given.
+        ValueRangeError: a unit or height of 0 or less, or both given; a rate below 0.001 or above 1e6.
     """
     if unit is not None and height is not None:
         raise ValueRangeError("give either unit or height, not both")
@@ -55,9 +58,12 @@ def load(
     scale = None if unit is None else conventions.meters_per_unit(unit)
     if up is not None:
         conventions.to_z_up(up)
+    if rate is not None and not 1e-3 <= rate <= 1e6:
+        raise ValueRangeError(f"rate must be above 0 frames per second, not {rate:g}")
     path = _find(path)
-    recording = reader.read(path)
+    recording = reader.read(path, rate)
     joints, decisions = _unique(recording.joints)
+    decisions += recording.remarks
 
     few = np.arange(min(len(recording.rotations), conventions.JUMP_FRAMES))
     spread = np.linspace(0, len(recording.rotations) - 1, stature.SAMPLES).astype(np.int64)
@@ -65,7 +71,10 @@ def load(
     landmarks = stature.find_landmarks(joints, recording.parents, recording.end_parents, points)
     units_tall = stature.standing_height(points, landmarks)
 
-    jump = conventions.jumps_at_start(points[: len(few)], units_tall) if keep_first_frame is None else None
+    jump = None
+    if keep_first_frame is None:
+        bare = bool((np.abs(recording.rotations[0, :, 0]) > conventions.UNTURNED).all())
+        jump = conventions.jumps_at_start(points[: len(few)], units_tall, bare=bare)
     if jump is not None:
         decisions.append(f"dropped frame 0: a joint jumps {jump:.2f} body heights to frame 1, as from an added T-pose")
     elif keep_first_frame is False and len(recording.rotations) > 1:
@@ -75,7 +84,7 @@ def load(
         points = points[1:]
 
     if up is None:
-        up, sentence = conventions.choose_up(points, landmarks)
+        up, sentence = conventions.choose_up(points, landmarks, units_tall)
         decisions.append(sentence)
     if height is not None:
         if units_tall <= 0:

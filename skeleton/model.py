@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motions import quaternions
+from motions.bodies.roles import ROLES, SIDES, find_roles, require_role
+from motions.bodies.shape import roles_by_shape
 from motions.clip import Clip
 from motions.conventions import to_z_up
 from motions.errors import FileError, UnknownNameError, ValueRangeError
-from motions.roles import find_roles, require_role
+from motions.kinematics import forward_kinematics
 from skeleton.capsules import Capsule, body_capsules
 from skeleton.known_robots import RobotSource, find_urdf, known_roles, package_folders
 from skeleton.rest import RestPose, mean_rotations, missing_roles
@@ -70,12 +72,22 @@ class Skeleton:
         Raises:
             UnknownNameError: an override's role or joint doesn't exist.
         """
-        found = find_roles(clip.joints, clip.parents.tolist(), roles)
-        model = _model_of_clip(clip)
-        local = clip.offsets[None] if clip.local_positions is None else clip.local_positions.mean(axis=0, keepdims=True)
-        typical = _configurations(model, np.zeros((1, 3)), mean_rotations(clip.rotations_wxyz)[None], local)[0]
-        rest = _rest_pose(model, typical, found, clip.end_parents, clip.end_offsets)
-        return Skeleton(model, rest.bones, rest.parents, found, rest)
+        found, decisions = _roles_of_clip(clip, roles)
+        local = np.array(clip.offsets if clip.local_positions is None else clip.local_positions.mean(axis=0))
+        local[0] = 0.0
+        # Not by Pinocchio, whose data grow with the cube of the number of joints that turn freely.
+        typical = forward_kinematics(clip.parents, local[None], mean_rotations(clip.rotations_wxyz)[None])
+        rest = RestPose(
+            bones=clip.joints,
+            parents=clip.parents,
+            roles=found,
+            positions=typical[0][0],
+            rotations_wxyz=typical[1][0],
+            end_parents=clip.end_parents,
+            end_offsets=clip.end_offsets,
+            single_axis=np.zeros(len(clip.joints), dtype=bool),
+        )
+        return Skeleton(_model_of_clip(clip), rest.bones, rest.parents, found, rest, decisions=decisions)
 
     @staticmethod
     def from_urdf(
@@ -107,7 +119,7 @@ class Skeleton:
         names = tuple(model.names)[1:]
         parents = np.array(model.parents.tolist()[1:]) - 1
         given = {role: joint for role, joint in known_roles(path_or_name).items() if joint in names}
-        found = find_roles(names, parents.tolist(), {**given, **(roles or {})})
+        found = _roles_of_robot(model, parents.tolist(), {**given, **(roles or {})})
         up, decisions = (up, ()) if up is not None else _choose_up(_robot_rest(model, found))
         _stand_up(model, up)
         source = RobotSource(path, tuple(package_folders(path, package_dirs)))
@@ -201,18 +213,19 @@ class Skeleton:
                 raise ValueRangeError(f"a robot's motion is an array of configurations, got the clip {motion.name!r}")
             if fps is not None or times is not None:
                 raise ValueRangeError("fps and times are for configurations; a clip has its own, see Clip.resample")
-            configurations = self._fit_clip(motion)
-            times = np.arange(len(configurations)) / motion.fps
+            order = np.array(self._fit_clip(motion))[chosen]
+            times = np.arange(motion.frames) / motion.fps
+            positions, rotations = (poses[:, order] for poses in motion.world_poses())
         else:
             configurations = self._fit_configurations(motion)
             times = _times_of(len(configurations), fps, times)
-        positions, rotations = _forward_kinematics(self.model, configurations, chosen)
+            positions, rotations = _forward_kinematics(self.model, configurations, chosen)
         names = tuple(self.bones[i] for i in chosen)
         roles = {role: bone for role, bone in self.roles.items() if bone in names}
         return BoneTrack(names, times, positions, rotations, nearest_parents(self.parents, chosen), roles)
 
-    def _fit_clip(self, clip: Clip) -> FloatArray:
-        """Configurations of a clip, whose joints may come in another order."""
+    def _fit_clip(self, clip: Clip) -> list[int]:
+        """Where each bone is among the joints of a clip, which may come in another order."""
         if missing := [bone for bone in self.bones if bone not in clip.joints]:
             raise ValueRangeError(
                 f"the clip {clip.name!r} doesn't move this body: it lacks {', '.join(missing)}; "
@@ -226,8 +239,7 @@ class Skeleton:
                 f"in the clip {clip.name!r} these joints change their place, in the clip that this body was made from "
                 f"they don't: {', '.join(stray)}"
             )
-        local = (clip.offsets[None] if clip.local_positions is None else clip.local_positions)[:, order]
-        return _configurations(self.model, clip.root_positions, clip.rotations_wxyz[:, order], local)
+        return order
 
     def _fit_configurations(self, motion: ArrayLike) -> FloatArray:
         """Configurations given as an array, checked, their quaternions brought to unit length."""
@@ -242,6 +254,42 @@ class Skeleton:
             frame = int(np.argwhere(~np.isfinite(configurations))[0, 0])
             raise ValueRangeError(f"the configuration of frame {frame} holds NaN or infinity")
         return np.array([pin.normalize(self.model, q) for q in configurations])
+
+
+def _roles_of_clip(clip: Clip, given: Mapping[str, str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
+    """The joint that plays each role, by names, and where these don't tell of limbs by the shape of the body."""
+    named = find_roles(clip.joints, clip.parents.tolist(), given)
+    if all(f"{side}_{limb}" in named for side in SIDES for limb in ("upper_arm", "thigh")):
+        return named, ()
+    few = clip.sampled()
+    points = np.concatenate([few.world_positions(), few.end_positions()], axis=1)
+    above = [*clip.parents.tolist(), *clip.end_parents.tolist()]
+    shaped = {role: clip.joints[joint] for role, joint in roles_by_shape(above, len(clip.joints), points).items()}
+    guessed = {role: joint for role, joint in shaped.items() if role not in named and joint not in named.values()}
+    if not guessed:
+        return named, ()
+    found = {role: {**guessed, **named}[role] for role in ROLES if role in guessed or role in named}
+    told = ", ".join(f"{role}={joint}" for role, joint in guessed.items())
+    return found, (f"roles guessed from the shape of the body: {told}; name others by --attach ROLE=BONE",)
+
+
+def _roles_of_robot(model: "pinocchio.Model", parents: list[int], given: Mapping[str, str]) -> dict[str, str]:
+    """The joint that plays each role, by the joints' names, or by those of the links that they move."""
+    import pinocchio as pin
+
+    names = tuple(model.names)[1:]
+    found = find_roles(names, parents, given)
+    if all(f"{side}_upper_arm" in found for side in SIDES):
+        return found
+    moved: dict[int, str] = {}
+    for frame in model.frames.tolist():
+        if frame.type == pin.FrameType.BODY:
+            moved.setdefault(int(frame.parentJoint) - 1, frame.name)
+    links = [moved.get(joint, "") for joint in range(len(names))]
+    unique = [link if links.count(link) == 1 else f"{link} {joint}" for joint, link in enumerate(links)]
+    by_link = find_roles(unique, parents, {role: unique[names.index(joint)] for role, joint in given.items()})
+    others = {role: names[unique.index(link)] for role, link in by_link.items()}
+    return {role: {**others, **found}[role] for role in ROLES if role in found or role in others}
 
 
 def _model_of_urdf(path: Path, floating_base: bool) -> "pinocchio.Model":
@@ -261,9 +309,21 @@ def _model_of_urdf(path: Path, floating_base: bool) -> "pinocchio.Model":
 
 
 def _robot_rest(model: "pinocchio.Model", roles: Mapping[str, str]) -> RestPose:
+    """The bones in the neutral configuration; a joint of one axis is one of several that turn a limb."""
     import pinocchio as pin
 
-    return _rest_pose(model, pin.neutral(model), roles, np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+    names = tuple(model.names)[1:]
+    positions, rotations = _forward_kinematics(model, pin.neutral(model)[None], range(len(names)))
+    return RestPose(
+        bones=names,
+        parents=np.array(model.parents.tolist()[1:], dtype=np.int64) - 1,
+        roles=roles,
+        positions=positions[0],
+        rotations_wxyz=rotations[0],
+        end_parents=np.zeros(0, dtype=np.int64),
+        end_offsets=np.zeros((0, 3)),
+        single_axis=np.array(model.nvs.tolist()[1:]) == 1,
+    )
 
 
 def _choose_up(rest: RestPose) -> tuple[str, tuple[str, ...]]:
@@ -309,51 +369,6 @@ def _constant_offsets(clip: Clip) -> FloatArray:
         return clip.offsets
     varies = np.ptp(clip.local_positions, axis=0).max(axis=1) > _STILL
     return np.where(varies[:, None], np.nan, clip.local_positions[0])
-
-
-def _configurations(
-    model: "pinocchio.Model",
-    root_positions: FloatArray,
-    rotations_wxyz: FloatArray,
-    local_positions: FloatArray,
-) -> FloatArray:
-    """Configurations of a clip's model: poses of its joints in their parents' frames, shape (F, nq).
-
-    Args:
-        model: the model of a clip.
-        root_positions: of the root in the world [m], shape (F, 3).
-        rotations_wxyz: unit quaternions joint_to_parent, shape (F, J, 4).
-        local_positions: of the joints in their parents' frames [m], shape (F, J, 3) or (1, J, 3).
-    """
-    configurations = np.empty((len(rotations_wxyz), model.nq))
-    for joint, (start, size) in enumerate(zip(model.idx_qs.tolist()[1:], model.nqs.tolist()[1:], strict=True)):
-        if size == 7:
-            is_root = model.parents[joint + 1] == 0
-            configurations[:, start : start + 3] = root_positions if is_root else local_positions[:, joint]
-        configurations[:, start + size - 4 : start + size] = rotations_wxyz[:, joint, _WXYZ_TO_XYZW]
-    return configurations
-
-
-def _rest_pose(
-    model: "pinocchio.Model",
-    configuration: FloatArray,
-    roles: Mapping[str, str],
-    end_parents: NDArray[np.int64],
-    end_offsets: FloatArray,
-) -> RestPose:
-    """The bones where a configuration puts them; a joint of one axis is one of several that turn a limb."""
-    names = tuple(model.names)[1:]
-    positions, rotations = _forward_kinematics(model, configuration[None], range(len(names)))
-    return RestPose(
-        bones=names,
-        parents=np.array(model.parents.tolist()[1:], dtype=np.int64) - 1,
-        roles=roles,
-        positions=positions[0],
-        rotations_wxyz=rotations[0],
-        end_parents=end_parents,
-        end_offsets=end_offsets,
-        single_axis=np.array(model.nvs.tolist()[1:]) == 1,
-    )
 
 
 def _forward_kinematics(

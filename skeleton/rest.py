@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.bodies.roles import require_role
 from motions.errors import ValueRangeError
-from motions.roles import require_role
 from skeleton import proportions
 
 FloatArray = NDArray[np.float64]

@@ -5,6 +5,7 @@ import sys
 from types import FrameType
 
 from motions.errors import UserError
+from motions.files import printable
 
 
 def main() -> None:
@@ -46,5 +47,5 @@ def main() -> None:
 
 
 def _refuse(text: str) -> int:
-    print("cape: " + " ".join(text.split()), file=sys.stderr)
+    print("cape: " + printable(" ".join(text.split())), file=sys.stderr)
     return 2

@@ -15,6 +15,7 @@ from skeleton import (
     kept_hitboxes_of,
     link_surfaces,
     load_hitboxes,
+    missing_meshes,
     retarget,
 )
 
@@ -60,7 +61,7 @@ def read_character(reading: Reading, *, hitboxes: str | None = None) -> Characte
         clip = reading.load()
         body = reading.body(clip)
         solids = find_hitboxes(body, hitboxes or BY_PROPORTIONS)
-        return _character(clip.name, body, body.track(clip), solids, clip.decisions)
+        return _character(clip.name, body, body.track(clip), solids, (*clip.decisions, *body.decisions))
     robot = reading.robot(reading.skeleton)
     # Hitboxes are fitted to meshes, which takes seconds: whatever is wrong with the motion is told before.
     if (path := reading.configuration_file) is not None:
@@ -91,6 +92,7 @@ def _character(
     if body.is_robot:
         try:
             surfaces = link_surfaces(body, "visual")
+            decisions = (*decisions, *missing_meshes(body, "visual"))
         except FileError as error:
             decisions = (*decisions, f"not drawn: {error}")
     return Character(name, body, track, hitboxes, surfaces, retargeted, (*decisions, *hitboxes.decisions))

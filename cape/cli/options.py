@@ -32,7 +32,12 @@ Robot = Annotated[
     str | None,
     typer.Option("--skeleton", metavar="ROBOT", help="A robot that makes the motion: a URDF file, or a name like g1."),
 ]
-Rate = Annotated[float | None, typer.Option(help="Frames per second of a robot's motion that tells none; 60 if unset.")]
+Rate = Annotated[
+    float | None,
+    typer.Option(
+        help="Frames per second of the motion, whatever a BVH file says; of a robot's that tells none, 60 by default."
+    ),
+]
 Packages = Annotated[
     list[Path] | None, typer.Option(help="A folder with packages that a URDF file names; may be repeated.")
 ]

@@ -3,18 +3,25 @@
 import os
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 from motions.errors import FileError
 
 
-def output_path(asked: Path | None, name: str, ending: str = ".rrd") -> Path:
+def output_path(
+    asked: Path | None, name: str, ending: str = ".rrd", *, inputs: Iterable[str | Path | None] = ()
+) -> Path:
     """Where to write, by default the motion's name with that ending, checked before anything is simulated.
 
     Raises:
-        FileError: the folder does not exist or can't be written, or the path is a folder.
+        FileError: the folder does not exist or can't be written, or the path is a folder, one of the `inputs`, or "-".
     """
     path = Path(f"{name}{ending}") if asked is None else asked
+    if str(path) == "-":
+        raise FileError("can't write to standard output: -o takes a file, such as ./-")
+    if path.exists() and any(given is not None and _is_same(path, Path(given)) for given in inputs):
+        raise FileError(f"can't write {path}: it is what is read")
     folder = path.resolve().parent
     if path.is_dir():
         raise FileError(f"can't write {path}: it is a directory")
@@ -23,6 +30,13 @@ def output_path(asked: Path | None, name: str, ending: str = ".rrd") -> Path:
     if not os.access(folder, os.W_OK):
         raise FileError(f"can't write {path}: the folder {folder} is not writable")
     return path
+
+
+def _is_same(path: Path, other: Path) -> bool:
+    try:
+        return path.samefile(other)
+    except (OSError, ValueError):
+        return False
 
 
 def open_viewer(path: Path) -> None:

@@ -1,7 +1,8 @@
 """What a command line asks for of a motion and of who makes it, and both read."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import motions
 from motions.errors import UserError, ValueRangeError
@@ -9,6 +10,7 @@ from skeleton import RobotMotion, Skeleton, load_configurations
 from skeleton.robot.configurations import SUFFIXES
 
 MOST_FPS = 60.0  # where none is asked for
+Motion = TypeVar("Motion", motions.Clip, RobotMotion)
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,11 @@ class Reading:
         if self.clip is None or self.script is not None or Path(self.clip).suffix.lower() not in SUFFIXES:
             return None
         return Path(self.clip)
+
+    @property
+    def files(self) -> tuple[str | None, ...]:
+        """What is read, as far as it is files."""
+        return self.clip, self.skeleton
 
     @property
     def frame_rate(self) -> float | None:
@@ -70,7 +77,7 @@ class Reading:
         return motions.MotionGraph(list(clips.values())).play(steps)
 
     def _read(self, clip: str, name: str | None = None) -> motions.Clip:
-        return motions.load(clip, unit=_unit(self.unit), up=self.up, height=self.height, name=name)
+        return motions.load(clip, unit=_unit(self.unit), up=self.up, height=self.height, name=name, rate=self.rate)
 
     def load(self) -> motions.Clip:
         """Read, trim and resample the clip.
@@ -79,13 +86,25 @@ class Reading:
             ValueRangeError: it has a single frame.
         """
         clip = self.load_as_is()
-        if self.start is not None or self.end is not None:
-            clip = clip.trim(0.0 if self.start is None else self.start, clip.duration if self.end is None else self.end)
+        clip = self._trimmed(clip)
         fps = self.frame_rate or min(clip.fps, MOST_FPS)
         clip = clip if fps == clip.fps else clip.resample(fps)
         if clip.frames < 2:
             raise ValueRangeError(f"{clip.name} has a single frame: a motion needs at least two")
         return clip
+
+    def _trimmed(self, whole: Motion) -> Motion:
+        """A motion from the start to the end that were asked for; what is beyond its own end is told, and left out."""
+        if self.start is None and self.end is None:
+            return whole
+        trimmed = whole.trim(
+            0.0 if self.start is None else self.start,
+            whole.duration if self.end is None else min(self.end, whole.duration),
+        )
+        if self.end is None or self.end <= whole.duration:
+            return trimmed
+        told = f"end: {self.end:g} s is beyond the motion, which lasts {whole.duration:g} s: it is taken to its end"
+        return replace(trimmed, decisions=(*trimmed.decisions, told))
 
     def body(self, clip: motions.Clip) -> Skeleton:
         """The body that a clip moves, with roles named by hand where asked."""
@@ -103,9 +122,7 @@ class Reading:
         Raises:
             ValueRangeError: it has a single frame.
         """
-        motion = load_configurations(path, robot, fps=self.rate)
-        if self.start is not None or self.end is not None:
-            motion = motion.trim(self.start or 0.0, self.end)
+        motion = self._trimmed(load_configurations(path, robot, fps=self.rate))
         if motion.frames < 2:
             raise ValueRangeError(f"{motion.name} has a single frame: a motion needs at least two")
         return motion

@@ -20,6 +20,7 @@ from cape.scene.jumps import Cuts
 from cape.scene.scene import Scene
 from cape.solvers import Solver
 from motions.errors import ValueRangeError
+from motions.files import printable
 
 BEFORE = "putting the cape on"
 
@@ -40,7 +41,8 @@ def simulated(
     """
     console = Console(stderr=True)
     for decision in who.decisions:
-        console.print(f"{who.name}: {decision}", style="dim", highlight=False, soft_wrap=True)
+        told = printable(f"{who.name}: {decision}")
+        console.print(told, style="dim", highlight=False, markup=False, soft_wrap=True)
     with _told(console), _loading("rerun.blueprint", "pyarrow.compute") as begin, _progress(console) as advance:
 
         def progress(done: int, of: int) -> None:

@@ -59,7 +59,7 @@ class Cloth(ABC):
         `width`, `height` and `spacing` in metres; the spacing is rounded so that whole cells fill the rectangle.
 
         Raises:
-            ValueRangeError: a size is not positive, or the directions are parallel.
+            ValueRangeError: a size is not positive, the origin not finite, or the directions are parallel.
         """
         _require_positive(width=width, height=height, spacing=spacing)
         rows, columns = tailoring.cells(height, spacing) + 1, tailoring.cells(width, spacing) + 1
@@ -68,11 +68,14 @@ class Cloth(ABC):
         if np.linalg.norm(np.cross(across, along)) < 1e-6:
             raise ValueRangeError("the directions right and down of a rectangle must not be parallel")
         pattern = np.stack([u.ravel(), v.ravel()], axis=1)
+        corner = np.asarray(origin, dtype=float)
+        if corner.shape != (3,) or not np.isfinite(corner).all():
+            raise ValueRangeError(f"the origin of a rectangle must be three finite numbers, not {origin}")
         return GridCloth(
             rows=rows,
             columns=columns,
             pattern=pattern,
-            positions=np.asarray(origin, dtype=float) + pattern[:, :1] * across + pattern[:, 1:] * along,
+            positions=corner + pattern[:, :1] * across + pattern[:, 1:] * along,
             fabric=fabric or Fabric(),
             regions=tailoring.grid_regions(rows, columns),
         )

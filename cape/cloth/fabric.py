@@ -16,6 +16,9 @@ DROP = 1.2  # m of cloth that hang by a thread
 GRAVITY = 9.81  # m/s2
 
 
+MOST_DAMPING_TIME = 10.0  # s: cloth that takes so long to give way is none
+
+
 @dataclass(frozen=True, kw_only=True)
 class Fabric:
     """What a cloth is made of.
@@ -72,6 +75,11 @@ class Fabric:
         for name in ("shear", "bend", "damping_time", "bend_damping_time"):
             if not all(0.0 <= value < float("inf") for value in self._numbers(name)):
                 raise ValueRangeError(f"fabric {name} must be zero or more and finite, not {getattr(self, name)}")
+        for name in ("damping_time", "bend_damping_time"):
+            if self._numbers(name)[0] > MOST_DAMPING_TIME:
+                raise ValueRangeError(
+                    f"fabric {name} must be {MOST_DAMPING_TIME:g} s at most, not {getattr(self, name)}"
+                )
         if self.strain_limit is not None and not all(0.0 < v < float("inf") for v in self._numbers("strain_limit")):
             raise ValueRangeError(f"fabric strain_limit must be positive and finite, not {self.strain_limit}")
 

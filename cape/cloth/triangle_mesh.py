@@ -13,6 +13,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 # A triangle thinner than this, area over squared longest side, has no area: its cotangents would swamp all others.
+SMALLEST, LARGEST = 1e-5, 1e6  # m that a mesh reaches
 THINNEST = 1e-7
 # A triangle is level when the vertical makes less than this of a unit vector in its plane; its warp then goes along -X.
 LEVEL = 0.05
@@ -60,11 +61,15 @@ def check_mesh(positions: ArrayLike, triangles: ArrayLike, pattern: ArrayLike | 
             with the warp threads of each triangle as vertical as its plane allows, along -X where it is level.
 
     Raises:
-        ValueRangeError: a shape is wrong, a number is not finite, an index is outside, a triangle has no area, is there
-            twice or starts with two corners at one place, an edge belongs to more than two triangles, or a vertex to
-            none.
+        ValueRangeError: a shape or a size is wrong, a number is not finite, an index is outside, a triangle has no
+            area, is there twice or starts with two corners at one place, an edge belongs to more than two triangles,
+            or a vertex to none.
     """
     points = _finite(positions, "positions", 3)
+    if len(points) and not SMALLEST <= (size := float(np.abs(points - points[0]).max())) <= LARGEST:
+        raise ValueRangeError(
+            f"the mesh reaches {size:.3g} m: positions are in metres, from {SMALLEST:g} to {LARGEST:g}"
+        )
     faces = _array(triangles, "triangles")
     if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
         raise ValueRangeError(f"triangles must have the shape (T, 3) with at least one, not {faces.shape}")

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from motions.errors import FileError
+from motions.files import begin_file
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -39,8 +40,6 @@ def recording_file(
     import rerun as rr
 
     target = Path(path).resolve()
-    # A short name of its own: with the target's in it a long one would be refused that is fine by itself.
-    partial = target.with_name(f".{uuid.uuid4().hex}.part")
     try:
         if target.exists() and not target.is_file():
             raise FileError(f"can't write {path}: it is {'a directory' if target.is_dir() else 'no regular file'}")
@@ -50,7 +49,7 @@ def recording_file(
         free = shutil.disk_usage(target.parent).free
         if free < size:
             raise FileError(f"can't write {path}: it takes about {size / 1e6:.0f} MB and {free / 1e6:.0f} MB are free")
-        partial.touch(exist_ok=False)
+        partial = begin_file(target)
     except OSError as error:
         raise FileError(f"can't write {path}: {error.strerror}") from error
     try:

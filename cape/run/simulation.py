@@ -22,13 +22,14 @@ from cape.scene.scene import Scene
 from cape.solvers import Solver, SymplecticEuler
 from cape.solvers.threads import threads_for
 from motions import quaternions
-from motions.errors import ValueRangeError
+from motions.errors import ValueRangeError, require_whole
 
 FloatArray = NDArray[np.float64]
 
 RETRIES = 4  # each at half the step or less
 CONVERGENCE_RETRIES = 2  # after which a step that did not converge is kept, and counted
 WHIRL_RETRIES = 3  # after which one that whirls is kept
+MOST_THREADS = 1024
 MOST_HASTE = 8.0  # times as many steps as usual, that are taken for thin colliders that come by fast
 FORECAST_SUBSTEPS = 50
 DEFAULT_CUTS = Cuts()
@@ -76,8 +77,8 @@ class Simulation:
         Raises:
             ValueRangeError: the number of threads is not positive.
         """
-        if threads is not None and threads < 1:
-            raise ValueRangeError(f"threads must be 1 or more, not {threads}")
+        if threads is not None:
+            require_whole("threads", threads, 1, MOST_THREADS)
         self.scene = scene
         self.solver = solver or SymplecticEuler()
         self.threads = threads or threads_for(scene.cloth.vertices)

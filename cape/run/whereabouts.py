@@ -6,6 +6,7 @@ from cape.run.hanging import Frame, Place
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 from cape.solvers import Solver
+from motions.errors import UserError
 
 
 class Forecast(NamedTuple):
@@ -31,5 +32,5 @@ class Mark(NamedTuple):
     counts: tuple[int, ...]
 
 
-class Diverged(RuntimeError):
+class Diverged(UserError, RuntimeError):
     """A step stayed unstable at the smallest step tried; the text says what to change."""

@@ -38,6 +38,7 @@ class Attachment:
             it is held right there.
         damping: against the velocity of that place [N s/m], shape (n,); None for that which is critical for the vertex
             alone, 2 (k m)^1/2.
+        cloth_vertices: how many vertices the cloth has that these belong to; None for any.
     """
 
     bone: str
@@ -48,6 +49,7 @@ class Attachment:
     weights: FloatArray | None = field(default=None, kw_only=True)
     stiffness: FloatArray | None = field(default=None, kw_only=True)
     damping: FloatArray | None = field(default=None, kw_only=True)
+    cloth_vertices: int | None = field(default=None, kw_only=True)
 
     @property
     def bones(self) -> tuple[str, ...]:
@@ -115,6 +117,7 @@ def attach(
         names[0], chosen, held, within, others=names[1:], weights=shares,
         stiffness=_each(stiffness, "stiffness", len(chosen), label),
         damping=_each(damping, "damping", len(chosen), label),
+        cloth_vertices=cloth.vertices,
     )  # fmt: skip
 
 

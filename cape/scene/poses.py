@@ -12,6 +12,8 @@ from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
 
+FARTHEST = 1e7  # m from the world's origin, a quarter of the way around the earth: beyond it centimetres are rounding
+
 
 class Pose(NamedTuple):
     """Where bones are: origins in the world [m] (B, 3), unit quaternions bone_to_world wxyz (B, 4)."""
@@ -65,7 +67,8 @@ def read_poses(poses: Sequence[Bones], names: Sequence[str]) -> list[Pose]:
     if given and len(given) == len(poses) and all(_fits(pose, len(names)) for pose in given):
         positions, rotations = np.array([p.positions for p in given]), np.array([p.rotations_wxyz for p in given])
         # At once, as most motions are told frame by frame; what is wrong with one is found below.
-        if np.isfinite(positions).all() and np.isfinite(rotations).all() and np.any(rotations, axis=2).all():
+        near = np.abs(positions).max(initial=0.0) <= FARTHEST  # False for what is not finite
+        if near and np.isfinite(rotations).all() and np.any(rotations, axis=2).all():
             return [Pose(*pose) for pose in zip(positions, rotations, strict=True)]
     return [read_pose(pose, names).without_world() for pose in poses]
 
@@ -89,12 +92,19 @@ def read_pose(bones: Bones, names: Sequence[str]) -> Pose:
         missing = [name for name in names if name not in bones]
         if missing:
             raise UnknownNameError("bone", missing[0], bones, "The scene uses " + ", ".join(names))
-        positions = np.array([bones[name][0] for name in names], dtype=float).reshape(-1, 3)
-        rotations = np.array([bones[name][1] for name in names], dtype=float).reshape(-1, 4)
+        try:
+            positions = np.array([bones[name][0] for name in names], dtype=float).reshape(len(names), 3)
+            rotations = np.array([bones[name][1] for name in names], dtype=float).reshape(len(names), 4)
+        except (TypeError, ValueError, IndexError, KeyError):
+            raise ValueRangeError(
+                f"a bone's pose is its position, three numbers, and its quaternion wxyz, four: {', '.join(names)}"
+            ) from None
     if positions.shape != (len(names), 3) or rotations.shape != (len(names), 4):
         raise ValueRangeError(f"a pose of {len(names)} bones is needed: {', '.join(names)}")
     if not (np.isfinite(positions).all() and np.isfinite(rotations).all()):
         raise ValueRangeError("the pose of the bones is not finite")
+    if np.abs(positions).max(initial=0.0) > FARTHEST:
+        raise ValueRangeError(f"a bone is {np.abs(positions).max():.3g} m away: positions are in metres")
     if not np.linalg.norm(rotations, axis=1).all():
         raise ValueRangeError("the rotation of a bone is a quaternion of zeros")
     return Pose(

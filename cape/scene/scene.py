@@ -63,9 +63,11 @@ class Scene:
 
         Raises:
             UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
-            ValueRangeError: a vertex is attached twice, two colliders share a name, a value is out of range, or strain
-                is to be limited in a mesh.
+            ValueRangeError: an attachment is of another cloth, a vertex is attached twice, two colliders share a name,
+                a value is out of range, or strain is to be limited in a mesh.
         """
+        for attachment in self.attachments:
+            _require_of(self.cloth, attachment)
         require_held_once([a.vertices for a in self.attachments if a.within is None])
         require_known(self.colliders)
         names = [c.name for c in self.colliders]
@@ -90,6 +92,15 @@ class Scene:
         if self.cloth.frame == "wearer":
             used += self.wearer
         return tuple(dict.fromkeys(used))
+
+
+def _require_of(cloth: Cloth, attachment: Attachment) -> None:
+    count, beyond = cloth.vertices, (attachment.vertices < 0) | (attachment.vertices >= cloth.vertices)
+    if attachment.cloth_vertices not in (None, count) or beyond.any():
+        own = attachment.cloth_vertices or int(attachment.vertices.max()) + 1
+        raise ValueRangeError(
+            f"what {attachment.bone!r} holds belongs to another cloth, of {own} vertices: this one has {count}"
+        )
 
 
 def require_held_once(held: Sequence[NDArray[np.int64]]) -> None:

@@ -18,9 +18,11 @@ from cape.kernels.team import Team, span
 from cape.solvers import threads as teams
 from cape.solvers.order import Order
 from cape.solvers.running import Running, Thread
-from motions.errors import ValueRangeError
+from motions.errors import ValueRangeError, require_whole
 
 Precision = Literal["single", "double"]
+
+MOST_SUBSTEPS = 1_000_000  # in a frame, which then takes half a minute for a small cloth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +58,8 @@ class Solver(ABC):
         Raises:
             ValueRangeError: the number of substeps is not positive, or the precision is unknown.
         """
-        if self.substeps is not None and self.substeps < 1:
-            raise ValueRangeError(f"substeps must be 1 or more, not {self.substeps}")
+        if self.substeps is not None:
+            require_whole("substeps", self.substeps, 1, MOST_SUBSTEPS)
         if self.precision not in ("single", "double", None):
             raise ValueRangeError(f"precision must be single or double, not {self.precision!r}")
 

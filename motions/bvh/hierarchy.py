@@ -7,10 +7,11 @@ import numpy as np
 
 from motions.bvh.source import Source, shown
 from motions.errors import FileError
+from motions.files import printable
+from motions.limits import LARGEST_NUMBER
 
 CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
-LARGEST = 1e9
-"""Numbers beyond this are taken for damage: no position or angle needs them, and their products would overflow."""
+LARGEST = LARGEST_NUMBER
 
 _CHANNEL = {name.lower(): name for name in CHANNELS}
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -146,7 +147,7 @@ class _Parser:
         first = self.at
         while self.at < len(self.words) and self.words[self.at][1] == line and self.words[self.at][0] not in "{}":
             self.at += 1
-        return " ".join(word for word, _ in self.words[first : self.at])
+        return printable(" ".join(word for word, _ in self.words[first : self.at]))
 
     def open_brace(self, after: str) -> None:
         word, line = self.next("an opening brace")

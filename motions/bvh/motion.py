@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 
 from motions.bvh.hierarchy import LARGEST, Hierarchy, parse_number, why_no_number
 from motions.bvh.source import Source, shown
+from motions.limits import FASTEST, SLOWEST
 
 FloatArray = NDArray[np.float64]
 
 _WHOLE_RATES = (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 75, 80, 90, 100, 120, 144, 150, 180, 200, 240, 250, 300)
+_NEAR = 5e-4  # relative difference of a rate from a usual one: NTSC's are off by 1e-3
+_LONGEST_EXPONENT = 4  # digits
 # NTSC video runs slower by 1000/1001.
 _USUAL_RATES = (*map(float, _WHOLE_RATES), *(rate / 1.001 for rate in (24, 30, 60, 120)))
 
@@ -24,21 +27,24 @@ class Motion:
     Attributes:
         fps: frames per second.
         values: the channels' values in the file's unit and degrees, shape (F, columns).
+        remark: what the frame time was taken for, if that is not what it says.
     """
 
     fps: float
     values: FloatArray
+    remark: str | None = None
 
 
-def parse_motion(source: Source, start: int, hierarchy: Hierarchy) -> Motion:
-    """Read the motion from byte `start`, where the keyword MOTION stands.
+def parse_motion(source: Source, start: int, hierarchy: Hierarchy, rate: float | None = None) -> Motion:
+    """Read the motion from byte `start`, where the keyword MOTION stands, at a `rate` [1/s] or the file's own.
 
     A frame may be wrapped over lines but begins on a new one, so a lost or doubled number is found in its own line.
 
     Raises:
-        FileError: a malformed header or number, more or fewer frames than declared, a frame of the wrong length.
+        FileError: a malformed header or number, more or fewer frames than declared, a frame of the wrong length, a
+            frame time that no motion has.
     """
-    frames, frame_time, body = _parse_header(source, start)
+    frames, frame_time, line, body = _parse_header(source, start)
     text = source.data[body:]
     if not text.strip():
         raise source.error(
@@ -48,11 +54,16 @@ def parse_motion(source: Source, start: int, hierarchy: Hierarchy) -> Motion:
     starts = np.flatnonzero(~blank & np.concatenate([[True], blank[:-1]]))
     values = _parse_numbers(source, body, starts)
     _check_rows(source, body, starts, frames, hierarchy.columns)
-    return Motion(_frame_rate(frame_time), values.reshape(frames, hierarchy.columns))
+    remark = None
+    if rate is None:
+        rate = _frame_rate(frame_time)
+        if frames > 1 and not SLOWEST <= rate <= FASTEST:
+            rate, remark = _meant_rate(source, line, frame_time)
+    return Motion(rate, values.reshape(frames, hierarchy.columns), remark)
 
 
-def _parse_header(source: Source, start: int) -> tuple[int, str, int]:
-    """Number of frames, frame time as written, and the offset at which the rows begin."""
+def _parse_header(source: Source, start: int) -> tuple[int, str, int, int]:
+    """Number of frames, frame time as written, its line, and the offset at which the rows begin."""
     _, _, end = _text_line(source, start)
     line, number, end = _text_line(source, end)
     count = re.fullmatch(r"Frames\s*:?\s*(.*)", line, re.IGNORECASE)
@@ -69,7 +80,7 @@ def _parse_header(source: Source, start: int) -> tuple[int, str, int]:
         raise source.error(number, f"Frame Time: {why_no_number(time[1])}")
     if not 1e-6 <= seconds <= 1e6:
         raise source.error(number, f"Frame Time: {shown(time[1])} is not a time above 0")
-    return int(count[1]), time[1], end
+    return int(count[1]), time[1], number, end
 
 
 def _text_line(source: Source, offset: int) -> tuple[str, int, int]:
@@ -87,11 +98,35 @@ def _frame_rate(frame_time: str) -> float:
     """Frames per second: the usual rate whose inverse the file states, rounded or cut off (.0083333 is 120), or 1/t."""
     seconds = float(frame_time)
     mantissa, _, exponent = frame_time.lower().partition("e")
+    if len(exponent) > _LONGEST_EXPONENT:
+        return 1 / seconds
     last_digit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
     for rate in _USUAL_RATES:
         if abs(rate * seconds - 1) < 0.015 and -last_digit / 2 <= 1 / rate - seconds < last_digit:
             return rate
     return 1 / seconds
+
+
+def _meant_rate(source: Source, line: int, frame_time: str) -> tuple[float, str]:
+    """Frames per second where the frame time is a rate, or milliseconds, and not both; and what it was taken for.
+
+    Raises:
+        FileError: it is neither, or either.
+    """
+    number = float(frame_time)
+    as_rate = next((rate for rate in _USUAL_RATES if abs(number - rate) < _NEAR * rate), None)
+    as_time = next((rate for rate in _USUAL_RATES if abs(number * rate - 1e3) < _NEAR * 1e3), None)
+    said = f"line {line} gives a frame time of {shown(frame_time)} s"
+    if as_rate is not None and as_time is None:
+        return as_rate, f"{said}: taken for {as_rate:.6g} frames per second"
+    if as_time is not None and as_rate is None:
+        return as_time, f"{said}: taken for milliseconds, {as_time:.6g} frames per second"
+    either = "" if as_rate is None else f": is it a rate, or {as_time:.6g} frames per second in milliseconds?"
+    raise source.error(
+        line,
+        f"Frame Time: {shown(frame_time)} s is no motion's, which has {SLOWEST:g} to {FASTEST:g} frames per "
+        f"second{either}; give the rate by hand (--rate)",
+    )
 
 
 def _parse_numbers(source: Source, body: int, starts: NDArray[np.int64]) -> FloatArray:

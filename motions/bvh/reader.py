@@ -30,6 +30,7 @@ class Recording:
         moving: indices of the M joints with position channels, shape (M,).
         positions: their positions in the parent's frame, which replace their OFFSET, shape (F, M, 3).
         rotations: unit quaternions (w, x, y, z) joint_to_parent, shape (F, J, 4).
+        remarks: what the file says that was not believed, a sentence each.
     """
 
     joints: tuple[str, ...]
@@ -41,6 +42,7 @@ class Recording:
     moving: IntArray
     positions: FloatArray
     rotations: FloatArray
+    remarks: tuple[str, ...] = ()
 
     def frames(self, which: IntArray | slice) -> "Recording":
         """The same recording with only some of its frames."""
@@ -60,8 +62,8 @@ class Recording:
         return np.concatenate([positions, ends], axis=1)
 
 
-def read(path: Path) -> Recording:
-    """Read a BVH file.
+def read(path: Path, rate: float | None = None) -> Recording:
+    """Read a BVH file, at a `rate` [1/s] or the file's own.
 
     Raises:
         FileError: the file can't be read or isn't a well-formed BVH file; names the line.
@@ -69,7 +71,7 @@ def read(path: Path) -> Recording:
     source = Source.read(path)
     start = find_motion(source)
     hierarchy = parse_hierarchy(source, start)
-    motion = parse_motion(source, start, hierarchy)
+    motion = parse_motion(source, start, hierarchy, rate)
 
     joints = hierarchy.joints
     channels = [joint.channels or () for joint in joints]
@@ -91,6 +93,7 @@ def read(path: Path) -> Recording:
         moving=np.array(moving, dtype=np.int64),
         positions=positions,
         rotations=_rotations(motion.values, channels),
+        remarks=() if motion.remark is None else (motion.remark,),
     )
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from motions.errors import FileError
+from motions.files import read_bytes
 
 
 @dataclass(frozen=True)
@@ -25,14 +26,7 @@ class Source:
         Raises:
             FileError: it doesn't exist, isn't a regular file, can't be read, is empty or isn't text.
         """
-        if path.is_dir():
-            raise FileError(f"{path} is a directory, not a BVH file")
-        if path.exists() and not path.is_file():
-            raise FileError(f"{path} is not a regular file")
-        try:
-            data = path.read_bytes()
-        except OSError as error:
-            raise FileError(f"can't read {path}: {error.strerror or error}") from None
+        data = read_bytes(path)
         if not data.strip():
             raise FileError(f"{path} is empty")
         if b"\0" in data:

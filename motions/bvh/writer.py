@@ -1,7 +1,6 @@
 """Clips back to BVH text."""
 
 import io
-import os
 import re
 from os import PathLike
 from pathlib import Path
@@ -11,7 +10,8 @@ from numpy.typing import NDArray
 
 from motions import conventions, quaternions
 from motions.clip import Clip
-from motions.errors import FileError, UnknownNameError, ValueRangeError
+from motions.errors import UnknownNameError, ValueRangeError
+from motions.files import write_text
 
 FloatArray = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def save(
         if re.search(r"[{}]", joint) or joint != " ".join(joint.split()):
             raise ValueRangeError(f"a BVH file can't hold the joint name {joint!r}")
     text = _format(clip, conventions.meters_per_unit(unit), conventions.to_z_up(up).T, order.lower(), digits)
-    _write(Path(path), text)
+    write_text(Path(path), text, newline="\n")
 
 
 def _format(clip: Clip, meters: float, turn: FloatArray, order: str, digits: int) -> str:
@@ -101,16 +101,3 @@ def _moving(clip: Clip) -> dict[int, FloatArray]:
             if np.any(clip.local_positions[:, joint] != clip.offsets[joint]):
                 moving[joint] = clip.local_positions[:, joint]
     return moving
-
-
-def _write(path: Path, text: str) -> None:
-    """Write under a temporary name beside the file, then rename."""
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        try:
-            unfinished.write_text(text, encoding="utf-8", newline="\n")
-            unfinished.replace(path)
-        finally:
-            unfinished.unlink(missing_ok=True)
-    except (OSError, ValueError) as error:
-        raise FileError(f"can't write {path}: {getattr(error, 'strerror', None) or error}") from None

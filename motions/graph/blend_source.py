@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.bodies.roles import SIDES, find_roles
 from motions.clip import Clip
-from motions.roles import SIDES, find_roles
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

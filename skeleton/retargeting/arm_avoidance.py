@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motions.roles import SIDES
+from motions.bodies.roles import SIDES
 from skeleton.checks.crossings import NEAR, bones_between
 from skeleton.model import Skeleton
 from skeleton.robot.collision_geometry import add_to_geometry_model

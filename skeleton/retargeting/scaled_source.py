@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.bodies.roles import SIDES
 from motions.clip import Clip
 from motions.errors import ValueRangeError
-from motions.roles import SIDES
 from skeleton.model import Skeleton
 from skeleton.rest import RestPose
 from skeleton.retargeting.foot_contacts import standing_frames, standing_height

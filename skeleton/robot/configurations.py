@@ -2,8 +2,7 @@
 
 # pyright: reportMissingImports=false
 
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
@@ -12,9 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from motions.errors import FileError, ValueRangeError
+from motions.errors import ValueRangeError
 from skeleton.model import Skeleton
 from skeleton.rest import missing_roles
+from skeleton.robot.motion_tables import Table, read_csv, read_npz
 from skeleton.robot_motion import RobotMotion
 
 if TYPE_CHECKING:
@@ -27,8 +27,10 @@ SUFFIXES = (".csv", ".npz")
 USUAL_FPS = 60.0
 """Frames per second of a file that names neither times nor a rate."""
 
-_TIME_NAMES = ("time", "times", "t", "timestamp", "seconds")
-_BETWEEN_CELLS = re.compile(r"\s*[,;\t]\s*|\s+")
+_TRUNK = [f"{side}_{limb}" for side in ("left", "right") for limb in ("upper_arm", "thigh")]
+_LOOKED_AT = 200  # frames in which it is seen which way up a body is
+_UPRIGHT, _CLEARLY = 0.95, 0.15  # what tells an order of numbers with which a trunk is upright from one where it is not
+_MANY = 0.3  # share of the joints that are beyond their limits where degrees are taken for radians
 _UNIT_LENGTH = 1e-3  # by which a quaternion's length may be off before it is told of
 _NO_QUATERNION = 0.5  # by which it can't be one
 _SLACK = 1e-3  # [rad] or [m] beyond a joint's limit that rounding explains
@@ -38,10 +40,13 @@ _NAMED = 4  # joints that a sentence names
 
 
 def load_configurations(path: str | PathLike[str], body: Skeleton, *, fps: float | None = None) -> RobotMotion:
-    """Read a robot's motion: a CSV file with a configuration in each row, or an NPZ file with the array `q`.
+    """Read a robot's motion: a CSV file with a configuration in each row, or an NPZ file of arrays.
 
-    A CSV file may begin with a row of names, in any order where it names `column_names(body)`, and with a column of
-    times [s]; an NPZ file may hold `times` [s] or `fps`. Quaternions are brought to unit length.
+    A CSV file may begin with a row of names, `column_names(body)` in any order, with or without a prefix and units, and
+    with a column of times [s]. An NPZ file holds `q` like such rows; or `qpos` as MuJoCo has it, w first; or
+    `root_pos`, `root_rot` and `dof_pos` apart; and `times` [s] or `fps`. Where nothing tells whether a root's
+    quaternion begins or ends with w, it does so that the head is above the feet. Quaternions are brought to unit
+    length.
 
     Args:
         path: the file.
@@ -50,18 +55,16 @@ def load_configurations(path: str | PathLike[str], body: Skeleton, *, fps: float
 
     Raises:
         FileError: the file is missing, unreadable or malformed; names the line.
-        ValueRangeError: the configurations don't fit the robot, or the body is none.
+        ValueRangeError: the configurations don't fit the robot, hold it head down throughout, or the body is none.
     """
     path = Path(path)
     if not body.is_robot:
         raise ValueRangeError(f"{path} holds a robot's configurations, but the body is that of a clip")
     if fps is not None and not (np.isfinite(fps) and fps > 0.0):
         raise ValueRangeError(f"the frame rate must be positive, got {fps}")
-    try:
-        rows, times, rate, decisions = _read_npz(path) if path.suffix.lower() == ".npz" else _read_csv(path, body)
-    except OSError as error:
-        raise FileError(f"can't read {path}: {error.strerror or error}") from None
     expected = column_names(body)
+    table = read_npz(path, expected) if path.suffix.lower() == ".npz" else read_csv(path, expected)
+    rows, times, rate, decisions = table.rows, table.times, table.rate, list(table.decisions)
     if rows.ndim != 2 or rows.shape[1] != len(expected) or not len(rows):
         raise ValueRangeError(
             f"{path}: configurations of this robot have the shape (frames, {len(expected)}), got {rows.shape}; "
@@ -73,9 +76,11 @@ def load_configurations(path: str | PathLike[str], body: Skeleton, *, fps: float
         times = np.arange(len(rows)) / fps
     elif fps is not None:
         raise ValueRangeError(f"{path} holds the times of its frames: leave the frame rate out")
+    rows, order = _with_w_last(table, body)
+    rows, unit = _in_radians(rows, body.model)
     rows, lengths = _unit_quaternions(path, rows, body.model)
     motion = RobotMotion(path.stem, rows, times)
-    decisions += [*lengths, *_doubts(motion, body)]
+    decisions += [*order, *unit, *lengths, *_doubts(path, motion, body)]
     return RobotMotion(path.stem, rows, times, tuple(decisions))
 
 
@@ -101,72 +106,56 @@ def _joints(model: "pinocchio.Model") -> Iterable[tuple[str, int, int, int]]:
     return zip(tuple(model.names)[1:], *sizes, strict=True)
 
 
-_Table = tuple[FloatArray, FloatArray | None, float | None, list[str]]
-"""Configurations, times, frames per second as far as they are known, and what was decided."""
+def _with_w_last(table: Table, body: Skeleton) -> tuple[FloatArray, list[str]]:
+    """Rows with the root's quaternion as Pinocchio has it; where nothing tells its order, the motion does."""
+    rows, free = table.rows, body.model.nqs[1] == 7
+    if not free or table.w_first is False:
+        return rows, []
+    turned = rows[:, [0, 1, 2, 4, 5, 6, 3, *range(7, rows.shape[1])]]
+    if table.w_first:
+        return turned, []
+    rise, other = _rise(rows, body), _rise(turned, body)
+    if rise is None or other is None or np.median(other) < max(_UPRIGHT, np.median(rise) + _CLEARLY):
+        return rows, []
+    return turned, ["quaternions: w is taken to come first, as then the trunk is upright, and otherwise it is not"]
 
 
-def _read_npz(path: Path) -> _Table:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            if "q" not in file:
-                raise FileError(f"{path} holds no array 'q'; its arrays: {', '.join(file.files) or 'none'}")
-            rows = np.asarray(file["q"], dtype=float)
-            times = np.asarray(file["times"], dtype=float) if "times" in file else None
-            fps = float(file["fps"]) if "fps" in file else None
-    except (ValueError, TypeError, EOFError) as error:
-        if isinstance(error, FileError):
-            raise
-        raise FileError(f"{path} can't be read as NPZ: {error}") from None
-    if fps is not None and not (np.isfinite(fps) and fps > 0.0):
-        raise FileError(f"{path}: fps must be positive, got {fps:g}")
-    return rows, times, fps, []
+def _rise(rows: FloatArray, body: Skeleton) -> FloatArray | None:
+    """How upright a body's trunk is in some frames: 1 is upright, -1 head down; None where it lacks limbs."""
+    if missing_roles(body.rest, _TRUNK):
+        return None
+    few = rows[np.unique(np.linspace(0, len(rows) - 1, _LOOKED_AT).astype(int))].copy()
+    lengths = np.linalg.norm(few[:, 3:7], axis=1)
+    if (lengths == 0.0).any():
+        return None
+    few[:, 3:7] /= lengths[:, None]
+    track = body.track(RobotMotion("", few, np.arange(len(few), dtype=float)), bones=_TRUNK)
+    arms, legs = ([track.index(f"{side}_{limb}") for side in ("left", "right")] for limb in ("upper_arm", "thigh"))
+    trunk = track.positions[:, arms].mean(axis=1) - track.positions[:, legs].mean(axis=1)
+    return trunk[:, 2] / np.linalg.norm(trunk, axis=1)
 
 
-def _read_csv(path: Path, body: Skeleton) -> _Table:
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except UnicodeDecodeError:
-        raise FileError(f"{path} is no text file") from None
-    cells = [(number, _BETWEEN_CELLS.split(line.strip())) for number, line in enumerate(lines, 1) if line.strip()]
-    if not cells:
-        raise FileError(f"{path} is empty")
-    header = None
-    if any(not _is_number(cell) for cell in cells[0][1]):
-        header, cells = [cell.strip("\"'") for cell in cells[0][1]], cells[1:]
-    rows = []
-    width = len(header) if header is not None else len(cells[0][1])
-    for number, row in cells:
-        if len(row) != width:
-            raise FileError(f"{path}, line {number}: {len(row)} numbers, but {width} in the line before")
-        if wrong := [cell for cell in row if not _is_number(cell)]:
-            raise FileError(f"{path}, line {number}: {wrong[0]!r} is no number")
-        rows.append([float(cell) for cell in row])
-    table = np.array(rows, dtype=float).reshape(len(rows), width)
-    if header is None:
-        return table, None, None, []
-    return _named_columns(table, header, column_names(body))
+def _in_radians(rows: FloatArray, model: "pinocchio.Model") -> tuple[FloatArray, list[str]]:
+    """Angles of joints in radians: those of which many are beyond their limits, and few as degrees, are degrees."""
+    turning = [start for joint, start, size, _ in _joints(model) if size == 1 and _is_revolute(model, joint)]
+    if not turning:
+        return rows, []
+    angles = rows[:, turning]
+    low, high = model.lowerPositionLimit[turning], model.upperPositionLimit[turning]
+
+    def beyond(values: FloatArray) -> float:
+        return float(((values < low - _SLACK) | (values > high + _SLACK)).any(axis=0).mean())
+
+    share = beyond(angles)
+    if share < _MANY or beyond(np.deg2rad(angles)) > share / 3.0 or np.abs(angles).max() < 2.0 * np.pi:
+        return rows, []
+    rows = rows.copy()
+    rows[:, turning] = np.deg2rad(angles)
+    return rows, ["angles of joints are taken to be in degrees: as radians most would be beyond the joints' limits"]
 
 
-def _named_columns(table: FloatArray, header: Sequence[str], expected: Sequence[str]) -> _Table:
-    """Take the times out, and put columns that name the robot's joints into its order."""
-    places = {name.lower(): place for place, name in enumerate(header)}
-    time = next((places.pop(name) for name in _TIME_NAMES if name in places), None)
-    times = None if time is None else table[:, time]
-    kept = [place for place in range(len(header)) if place != time]
-    wanted = [name.lower() for name in expected]
-    if set(wanted) == set(places):
-        order = [places[name] for name in wanted]
-        moved = ["columns put into the robot's order by their names"] if order != kept else []
-        return table[:, order], times, None, moved
-    return table[:, kept], times, None, ["names of the columns aren't the robot's: taken to be in its order"]
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+def _is_revolute(model: "pinocchio.Model", joint: str) -> bool:
+    return "R" in model.joints[model.getJointId(joint)].shortname()
 
 
 def _unit_quaternions(path: Path, rows: FloatArray, model: "pinocchio.Model") -> tuple[FloatArray, list[str]]:
@@ -190,9 +179,9 @@ def _unit_quaternions(path: Path, rows: FloatArray, model: "pinocchio.Model") ->
     return rows, sentences
 
 
-def _doubts(motion: RobotMotion, body: Skeleton) -> list[str]:
+def _doubts(path: Path, motion: RobotMotion, body: Skeleton) -> list[str]:
     """What looks wrong in a motion, a sentence each: limits, speeds, a body upside down."""
-    sentences = [_beyond_limits(motion, body.model), _too_fast(motion, body.model), _not_upright(motion, body)]
+    sentences = [_beyond_limits(motion, body.model), _too_fast(motion, body.model), _not_upright(path, motion, body)]
     return [sentence for sentence in sentences if sentence is not None]
 
 
@@ -234,20 +223,19 @@ def _too_fast(motion: RobotMotion, model: "pinocchio.Model") -> str | None:
     return _sentence("faster than the joints can turn", found)
 
 
-def _not_upright(motion: RobotMotion, body: Skeleton) -> str | None:
-    """A body that lies or stands on its head in most frames: its quaternions may have another order."""
-    arms_and_legs = [f"{side}_{limb}" for side in ("left", "right") for limb in ("upper_arm", "thigh")]
-    if body.model.nqs[1] != 7 or missing_roles(body.rest, arms_and_legs):
+def _not_upright(path: Path, motion: RobotMotion, body: Skeleton) -> str | None:
+    """A body that lies or stands on its head in most frames.
+
+    Raises:
+        ValueRangeError: it does so throughout.
+    """
+    rise = _rise(motion.configurations, body) if body.model.nqs[1] == 7 else None
+    if rise is None or np.median(rise) > 0.0:
         return None
-    track = body.track(motion, bones=arms_and_legs)
-    arms, legs = ([track.index(f"{side}_{limb}") for side in ("left", "right")] for limb in ("upper_arm", "thigh"))
-    rise = track.positions[:, arms, 2].mean(axis=1) - track.positions[:, legs, 2].mean(axis=1)
-    if np.median(rise) > 0.0:
-        return None
-    return (
-        "the trunk hangs head down in most frames: a quaternion is x, y, z, w here, w comes last, and the world is "
-        "Z up unless said otherwise"
-    )
+    words = "a quaternion is x, y, z, w here, w comes last, and the world is Z up unless said otherwise"
+    if motion.frames > 1 and (rise < 0.0).all():
+        raise ValueRangeError(f"{path}: the trunk hangs head down throughout: {words}")
+    return f"the trunk hangs head down in most frames: {words}"
 
 
 def _sentence(problem: str, found: list[tuple[float, str]]) -> str | None:

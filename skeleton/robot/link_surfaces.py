@@ -8,7 +8,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -18,14 +18,13 @@ from motions import quaternions
 from motions.conventions import to_z_up
 from motions.errors import FileError, ValueRangeError
 from skeleton.model import Skeleton
+from skeleton.robot.missing_meshes import Kind, mended
 from skeleton.shapes import Box, Capsule, Sphere
 
 if TYPE_CHECKING:
     import pinocchio
 
 FloatArray = NDArray[np.float64]
-
-Kind = Literal["visual", "collision"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +61,12 @@ def link_surfaces(body: Skeleton, kind: Kind, *, bones: Collection[str] | None =
     Collada files say which of their axes points up. Some robots' files count on meshes being turned by it (as Gazebo
     does), others on its being ignored (as RViz does): the meshes are turned if that brings them nearer to the joints at
     the far ends of their links. Pinocchio ignores it, so these surfaces may differ from `geometry_model`. A mesh whose
-    triangles leave out vertices is garbled, and its convex hull stands for it.
+    triangles leave out vertices is garbled, and its convex hull stands for it. For one that is missing the link's shape
+    of the other kind does, or nothing (`missing_meshes`).
 
     Raises:
         ValueRangeError: the body is no robot, so it has no links.
-        FileError: a mesh is missing or can't be read; names the folders that were looked in.
+        FileError: a mesh can't be read, or most are missing; names the folders that were looked in.
     """
     pieces = _PIECES.setdefault(body, {}).get(kind)
     if pieces is None:
@@ -128,7 +128,10 @@ def _geometry(body: Skeleton, kind: Kind, **options: Any) -> "pinocchio.Geometry
         raise ValueRangeError("only a robot has links with surfaces; the body of a clip has none")
     which = pin.GeometryType.VISUAL if kind == "visual" else pin.GeometryType.COLLISION
     folders = list(body.source.package_folders)
+    with_stand_ins = mended(body.source.urdf, folders, kind)
     try:
+        if with_stand_ins.text is not None:
+            return pin.buildGeomFromUrdfString(body.model, with_stand_ins.text, which, package_dirs=folders, **options)
         return pin.buildGeomFromUrdf(body.model, str(body.source.urdf), which, package_dirs=folders, **options)
     except (ValueError, RuntimeError) as error:
         problem = " ".join(str(error).split())
@@ -136,6 +139,15 @@ def _geometry(body: Skeleton, kind: Kind, **options: Any) -> "pinocchio.Geometry
             f"the {kind} meshes of {body.source.urdf} can't be read: {problem}; packages were looked for in "
             + ", ".join(folders)
         ) from None
+
+
+def missing_meshes(body: Skeleton, kind: Kind) -> tuple[str, ...]:
+    """A sentence on each mesh of a robot that is missing, and what `link_surfaces` shows in its place.
+
+    Raises:
+        FileError: the robot's file can't be read.
+    """
+    return () if body.source is None else mended(body.source.urdf, body.source.package_folders, kind).missing
 
 
 def collada_up(path: str | Path) -> str:

@@ -14,7 +14,6 @@ Numbers are written with all of their digits, so that what is read is what was w
 """
 
 import json
-import math
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -23,7 +22,8 @@ from typing import Any
 import numpy as np
 
 from motions.errors import FileError, UnknownNameError, UserError
-from motions.files import write_text
+from motions.files import read_bytes, write_text
+from motions.limits import LARGEST_NUMBER
 from skeleton.shapes import SHAPES, Shape, shape_named, word_of
 
 _COMMON = {"friction": 0, "thickness": 0}
@@ -67,11 +67,12 @@ def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple
             hold.
     """
     try:
-        with open(path, "rb") as file:
-            content = tomllib.load(file)
-    except OSError as error:
-        raise FileError(f"can't read {path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        content = tomllib.loads(read_bytes(Path(path)).decode())
+    except FileError:
+        raise
+    except RecursionError:
+        raise FileError(f"{path} is no TOML file of solids: it is nested too deeply") from None
+    except ValueError as error:  # of TOML, of its encoding, or of a number of thousands of digits
         raise FileError(f"{path} is no TOML file: {error}") from None
     _only(content, ("robot", "solid"), str(path))
     robot, tables = content.get("robot", ""), content.get("solid", [])
@@ -79,13 +80,14 @@ def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple
         raise FileError(f"{path}: robot is a text, not {robot!r}")
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise FileError(f"{path}: solids are tables [[solid]]")
-    solids: list[Shape] = []
+    solids: dict[str, Shape] = {}
     for number, table in enumerate(tables, start=1):
         where = f"{path}: solid {number}" + (f" ({table['name']!r})" if "name" in table else "")
-        solids.append(_solid(table, where, bones))
-        if solids[-1].name in (solid.name for solid in solids[:-1]):
+        solid = _solid(table, where, bones)
+        if solid.name in solids:
             raise FileError(f"{where}: there is a solid of that name already")
-    return robot, tuple(solids)
+        solids[solid.name] = solid
+    return robot, tuple(solids.values())
 
 
 def _header() -> str:
@@ -158,9 +160,9 @@ def _numbers(value: Any, size: int, where: str) -> Any:
     """
     entries = value if size else [value]
     if not isinstance(entries, list) or len(entries) != max(size, 1) or not all(map(_is_number, entries)):
-        raise FileError(f"{where} is {f'a list of {size} numbers' if size else 'a number'}, not {value!r}")
+        raise FileError(f"{where} is {f'a list of {size} numbers' if size else 'a number'}, not {repr(value)[:60]}")
     return np.array(entries, dtype=float) if size else float(value)
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER

@@ -268,6 +268,26 @@ def test_clips_and_info_tell_what_there_is(once):
         assert word in told
 
 
+def test_what_is_read_is_not_written(once, tmp_path):
+    clip = tmp_path / "walk.bvh"
+    motions.save(motions.load("walk").trim(0.0, 0.2), clip)
+    before = clip.read_bytes()
+    (tmp_path / "link.bvh").symlink_to(clip)
+    for output in (clip, tmp_path / "link.bvh"):
+        _, line = mistake_told(once("hitboxes", clip, "--bare", "-o", output))
+        assert line.endswith("it is what is read")
+    _, line = mistake_told(once("hitboxes", clip, "--bare", "-o", "-"))
+    assert "standard output" in line
+    assert clip.read_bytes() == before
+
+
+def test_an_end_beyond_the_clip_is_told_and_taken_for_its_end(once):
+    last = motions.load("idle").duration
+    done = once("replay", "idle", "--start", str(last - 0.1), "--end", "99", "-o", "out.rrd", "--json")
+    assert json.loads(done.stdout)["frames"] == 7
+    assert f"end: 99 s is beyond the motion, which lasts {last:g} s: it is taken to its end" in unfolded(done.stderr)
+
+
 def test_fabrics_are_listed_with_how_they_drape_and_who_measured_them(once):
     told = unfolded(once("fabrics").stdout)
     assert all(name in told for name in FABRICS)

@@ -94,8 +94,11 @@ WRONG = {
     "hitboxes of no kind": (["replay", "--hitboxes", "feet"], "available: limbs, all, body, or a TOML file"),
     "fitted hitboxes of a clip's body": (["replay", "--hitboxes", "all"], "needs a robot"),
     "a file that is none": (["replay", "squat.csv", "--skeleton", "romeo", "--hitboxes", "none.toml"], "none.toml"),
-    "another robot's motion": (["replay", "squat.csv", "--skeleton", "talos"], "(frames, 39), got (31, 62)"),
-    "a cut beyond the end": (["replay", "squat.csv", "--skeleton", "romeo", "--end", "9"], "lasts from 0 to 0.5 s"),
+    "another robot's motion": (
+        ["replay", "squat.csv", "--skeleton", "talos"],
+        "does not fit the robot: it lacks 'leg_left_1",
+    ),
+    "a cut beyond the end": (["replay", "squat.csv", "--skeleton", "romeo", "--start", "9"], "lasts from 0 to 0.5 s"),
     "no frame rate": (["replay", "squat.csv", "--skeleton", "romeo", "--rate", "0"], "frame rate must be positive"),
 }
 

@@ -1,5 +1,6 @@
 """Robots: their files, the surfaces of their links, and motions as rows of configurations."""
 
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from motions import quaternions
 from motions.conventions import to_z_up
 from motions.errors import FileError, UserError, ValueRangeError
-from skeleton import ROBOTS, RobotMotion, Skeleton, column_names, link_surfaces, load_configurations
+from skeleton import ROBOTS, RobotMotion, Skeleton, column_names, link_surfaces, load_configurations, missing_meshes
 from skeleton.robot.link_surfaces import collada_up, geometry_model
 from skeleton.shapes import Box, Capsule, Sphere
 
@@ -158,12 +159,46 @@ def test_a_capsule_of_the_file_is_one_here():
 
 def test_missing_meshes_and_bodies_without_links_are_told(arm):
     (arm.parents[1] / "meshes" / "tetra.stl").unlink()
+    pieces = re.findall(r"<collision>.*?</collision>", ARM, re.DOTALL)
+    text = ARM
+    for piece in pieces:
+        text = text if "mesh" in piece else text.replace(piece, "")
+    arm.write_text(text)
     with pytest.raises(FileError, match=r"collision meshes of .*arm\.urdf can't be read: .*tetra\.stl"):
         link_surfaces(Skeleton.from_urdf(arm), "collision")
     from tests.support.figures import figure
 
     with pytest.raises(ValueRangeError, match="only a robot has links"):
         link_surfaces(Skeleton.from_clip(figure()), "visual")
+
+
+@pytest.mark.parametrize("collision", ['<sphere radius="0.25"/>', '<mesh filename="package://arm/none.stl"/>'])
+def test_a_missing_mesh_is_stood_in_for_and_told(tmp_path, collision):
+    """By the link's shape of the other kind, where it stands, or by nothing; the other links are as they are."""
+    place, mesh = '<origin xyz="0 0 0.3"/>', '<mesh filename="package://arm/none.stl"/>'
+    box = '<geometry><box size="0.1 0.1 0.4"/></geometry>'
+    links = (
+        f'<link name="base"><visual>{place}<geometry>{mesh}</geometry></visual>'
+        f"<collision>{place}<geometry>{collision}</geometry></collision></link>"
+        f'<link name="rod"><visual>{box}</visual><collision>{box}</collision></link>'
+    )
+    ends = '<parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>'
+    joint = f'<joint name="hinge" type="revolute">{ends}<limit lower="-1" upper="1" effort="1" velocity="2"/></joint>'
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="arm">{links}{joint}</robot>')
+    body = Skeleton.from_urdf(path)
+    surfaces = {surface.link: surface for surface in link_surfaces(body, "visual")}
+    (told,) = missing_meshes(body, "visual")
+    assert told.startswith("the mesh package://arm/none.stl of base is missing: ")
+    assert np.ptp(surfaces["rod"].vertices, axis=0) == pytest.approx([0.1, 0.1, 0.4])
+    if "sphere" in collision:
+        assert told.endswith("its collision shape stands in for it")
+        assert surfaces["base"].vertices.mean(axis=0) == pytest.approx([0.0, 0.0, 0.3], abs=1e-6)
+        assert np.ptp(surfaces["base"].vertices, axis=0) == pytest.approx([0.5, 0.5, 0.5], abs=1e-3)
+        assert missing_meshes(body, "collision") == ()
+    else:
+        assert told.endswith("it is left out")
+        assert set(surfaces) == {"rod"}
 
 
 # ---- motions ----
@@ -225,13 +260,13 @@ def test_arrays_with_times_or_a_rate(tmp_path, g1):
     np.savez(tmp_path / "rated.npz", q=rows, fps=30)
     assert load_configurations(tmp_path / "rated.npz", g1).fps == pytest.approx(30)
     assert load_configurations(tmp_path / "rated.npz", g1, fps=20).fps == pytest.approx(20)
-    np.savez(tmp_path / "other.npz", qpos=rows)
-    with pytest.raises(FileError, match="no array 'q'; its arrays: qpos"):
+    np.savez(tmp_path / "other.npz", angles=rows)
+    with pytest.raises(FileError, match=r"no array 'q', .* its arrays: angles"):
         load_configurations(tmp_path / "other.npz", g1)
     with pytest.raises(ValueRangeError, match="holds the times of its frames"):
         load_configurations(tmp_path / "timed.npz", g1, fps=60)
     np.savez(tmp_path / "pickled.npz", q=np.array([{}], dtype=object))
-    with pytest.raises(FileError, match="can't be read as NPZ"):
+    with pytest.raises(FileError, match="array 'q' is of object, not of numbers"):
         load_configurations(tmp_path / "pickled.npz", g1)
 
 
@@ -271,9 +306,12 @@ def test_what_looks_wrong_in_a_motion_is_told(tmp_path, g1):
     long[:, 3:7] *= 1.1
     assert "quaternions of root_joint are off unit length by up to 0.1: normalised" in told(long)
     assert np.abs(load_configurations(tmp_path / "motion.npz", g1).configurations - walker()).max() < 1e-12
-    first = walker()
-    first[:, 3:7] = first[:, [6, 3, 4, 5]]  # w first, read as x: half a turn about x
-    assert "the trunk hangs head down in most frames" in told(first)
+    fallen = walker(5)
+    fallen[1:, 3:7] = [1.0, 0.0, 0.0, 0.0]  # half a turn about x
+    assert "the trunk hangs head down in most frames" in told(fallen)
+    fallen[0] = fallen[1]
+    with pytest.raises(ValueRangeError, match=r"motion\.npz: the trunk hangs head down throughout: a quaternion is"):
+        told(fallen)
 
 
 def test_real_motions_of_the_g1_raise_no_doubt(mocap, g1):

@@ -75,6 +75,42 @@ def test_poses_equal_chained_matrices_on_real_clips(mocap):
         assert_poses(Skeleton.from_clip(clip).track(clip), world_matrices(clip))
 
 
+@given(trees())
+@settings(max_examples=50, deadline=None)
+def test_poses_are_those_that_pinocchio_gives_its_model_of_the_clip(clip):
+    import pinocchio as pin
+
+    body = Skeleton.from_clip(clip)
+    track, data = body.track(clip), body.model.createData()
+    local = np.repeat(clip.offsets[None], clip.frames, axis=0) if clip.local_positions is None else clip.local_positions
+    sizes = zip(body.model.idx_qs.tolist()[1:], body.model.nqs.tolist()[1:], strict=True)
+    q = np.zeros((clip.frames, body.model.nq))
+    for joint, (start, size) in enumerate(sizes):
+        if size == 7:
+            q[:, start : start + 3] = clip.root_positions if joint == 0 else local[:, joint]
+        q[:, start + size - 4 : start + size] = clip.rotations_wxyz[:, joint][:, [1, 2, 3, 0]]
+    for frame in range(clip.frames):
+        pin.forwardKinematics(body.model, data, q[frame])
+        placed = np.array([placement.translation for placement in data.oMi.tolist()[1:]])
+        assert np.abs(track.positions[frame] - placed).max() < 1e-12 * max(1.0, np.abs(placed).max())
+
+
+def test_a_body_of_two_thousand_joints_needs_little_memory():
+    """A chain of a thousand joints and a thousand fingers; what Pinocchio would allocate for it is some 100 GB."""
+    joints, random = 2000, np.random.default_rng(1)
+    parents = np.concatenate([[-1], np.arange(999), np.zeros(1000, int)])
+    offsets = 0.01 * random.normal(size=(joints, 3))
+    offsets[0] = 0.0
+    rotations = random.normal(size=(2, joints, 4))
+    clip = Clip(
+        name="centipede", joints=tuple(f"j{k}" for k in range(joints)), parents=parents, offsets=offsets,
+        end_parents=np.zeros(0, int), end_offsets=np.zeros((0, 3)), fps=30.0, root_positions=np.zeros((2, 3)),
+        rotations_wxyz=rotations / np.linalg.norm(rotations, axis=-1, keepdims=True),
+    )  # fmt: skip
+    track = Skeleton.from_clip(clip).track(clip)
+    assert np.abs(track.positions - clip.world_positions()).max() < EXACT
+
+
 def test_end_sites_are_frames_of_the_model():
     import pinocchio as pin  # pyright: ignore[reportMissingImports]
 
@@ -171,6 +207,21 @@ def test_roles_are_found_and_overridable():
     assert body.bone("left_upper_arm") == body.bone("LeftArm")
 
 
+def test_roles_that_names_do_not_tell_are_guessed_from_the_shape_and_told():
+    clip = motions.load("idle")
+    named = Skeleton.from_clip(clip)
+    nameless = replace(clip, joints=tuple(f"joint_{k}" for k in range(len(clip.joints))))
+    body = Skeleton.from_clip(nameless)
+    assert {role: clip.joints[nameless.index(joint)] for role, joint in body.roles.items()} == dict(named.roles)
+    assert named.decisions == ()
+    (told,) = body.decisions
+    assert told.startswith("roles guessed from the shape of the body: ")
+    assert f"left_upper_arm={body.role('left_upper_arm')}" in told
+    assert "--attach ROLE=BONE" in told
+    by_hand = Skeleton.from_clip(nameless, roles={"head": "joint_0"})
+    assert by_hand.role("head") == "joint_0"
+
+
 def test_unknown_roles_and_bones_list_what_there_is():
     clip = figure(without=("Neck",))
     body = Skeleton.from_clip(clip)
@@ -253,3 +304,25 @@ def test_importing_loads_no_heavy_package():
     root = Path(__file__).parents[2]
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root)
     assert result.stdout.strip() == "[]"
+
+
+def test_links_tell_who_is_who_where_joints_do_not(tmp_path):
+    joints = [("bky", "pelvis", "utorso", "0 0 0.4"), ("nky", "utorso", "head", "0 0 0.2")]
+    for side, y in (("l", 0.2), ("r", -0.2)):
+        for first, chain in (("utorso", ("uarm", "farm", "hand")), ("pelvis", ("uleg", "lleg", "foot"))):
+            above, place = first, f"0 {y} 0"
+            for number, part in enumerate(chain):
+                joints.append((f"{side}{first[0]}{number}", above, f"{side}_{part}", place))
+                above, place = f"{side}_{part}", "0 0 -0.3"
+    links = ("pelvis", *(child for _, _, child, _ in joints))
+    text = "".join(f'<link name="{link}">{INERTIAL}</link>' for link in links)
+    for name, parent, child, place in joints:
+        ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{place}"/>'
+        text += f'<joint name="{name}" type="revolute">{ends}{HINGE}</joint>'
+    (tmp_path / "terse.urdf").write_text(f'<robot name="terse">{text}</robot>')
+    body = Skeleton.from_urdf(tmp_path / "terse.urdf")
+    for number, (arm, leg) in enumerate((("upper_arm", "thigh"), ("forearm", "shin"), ("hand", "foot"))):
+        for side in ("left", "right"):
+            assert body.role(f"{side}_{arm}") == f"{side[0]}u{number}"
+            assert body.role(f"{side}_{leg}") == f"{side[0]}p{number}"
+    assert body.role("chest") == "bky"

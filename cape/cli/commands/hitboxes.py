@@ -24,9 +24,10 @@ def run(
 ) -> int:
     """Record the colliders, and how a cape meets them unless `bare`; gives the exit status."""
     who = read_character(reading, hitboxes=hitboxes)
-    path = output_path(output, who.name, "_hitboxes.rrd")
+    inputs = (*reading.files, hitboxes)
+    path = output_path(output, who.name, "_hitboxes.rrd", inputs=inputs)
     if write is not None:
-        who.hitboxes.save(write)
+        who.hitboxes.save(output_path(write, who.name, ".toml", inputs=inputs))
     missing = [(name, f"left out: {reason}") for name, reason in who.hitboxes.left_out.items()]
     status = 0
     if bare:

@@ -19,8 +19,8 @@ from cape.scene.colliders import Collider
 from cape.scene.dress import dress
 from cape.scene.jumps import Cuts, seam
 from cape.start import check_start
+from motions.bodies.roles import ROLES
 from motions.errors import UserError
-from motions.roles import ROLES
 from skeleton import ROBOTS, BoneTrack, Finding, Skeleton, check_motion, column_names
 from skeleton.robot.links import body_height
 
@@ -109,7 +109,16 @@ def _subject(reading: Reading, hitboxes: str | None) -> _Subject:
             ("joints", f"{len(clip.joints)} and {len(clip.end_parents)} end sites, root {clip.joints[0]!r}"),
         ]
         track = body.track(clip) if clip.frames > 1 else None
-        return _Subject(rows, body, clip.joints, track, solids.solids, solids.left_out, clip.decisions, human=True)
+        return _Subject(
+            rows,
+            body,
+            clip.joints,
+            track,
+            solids.solids,
+            solids.left_out,
+            (*clip.decisions, *body.decisions),
+            human=True,
+        )
     who = read_character(reading, hitboxes=hitboxes)
     track, solids = who.track, who.hitboxes
     rows = [

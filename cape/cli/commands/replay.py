@@ -127,7 +127,7 @@ def run(
     cut.check()
     check_layers(layers, LAYERS)
     who = read_character(reading, hitboxes=hitboxes)
-    path = output_path(output, who.name)
+    path = output_path(output, who.name, inputs=(*reading.files, hitboxes))
     track, scene = who.track, cut.scene(who)
     take = simulated(scene, who, solver=cut.method(), cuts=cut.way_at_cuts(), check_steps=check, loop=cut.loop)
     with warnings.catch_warnings(record=True) as caught:

@@ -23,13 +23,13 @@ _MEANINGS = {
     "head": "head skull",
     "clavicle": "clavicle clavicula clav collar collarbone scapula",
     "shoulder": "shoulder",
-    "upper_arm": "upperarm uparm arm humerus shldr bicep",
-    "forearm": "forearm lowerarm lowarm elbow radius ulna",
+    "upper_arm": "upperarm uparm uarm arm humerus shldr bicep",
+    "forearm": "forearm lowerarm lowarm farm elbow radius ulna",
     "hand": "hand wrist",
     "hip": "hip hipjoint buttock",
-    "thigh": "thigh upleg upperleg femur",
+    "thigh": "thigh upleg upperleg uleg femur",
     "leg": "leg",
-    "shin": "shin lowerleg lowleg knee calf tibia",
+    "shin": "shin lowerleg lowleg lleg knee calf tibia",
     "foot": "foot ankle",
 }
 _MEANING_OF = {word: meaning for meaning, words in _MEANINGS.items() for word in words.split()}

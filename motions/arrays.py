@@ -1,0 +1,56 @@
+"""Arrays of numbers from an NPZ file, none of which is made before it is known to be sound."""
+
+import io
+import math
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motions.errors import FileError
+from motions.files import read_bytes
+from motions.limits import LARGEST_ARRAYS
+
+KINDS = "fiubUS"
+"""Of numbers, truth values and texts: numpy's letters."""
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
+    """All arrays of an NPZ file, by name; what would have to be unpickled is refused.
+
+    Raises:
+        FileError: the file is missing or damaged, is no NPZ file, holds something else than arrays of numbers or texts,
+            or asks for more memory than any motion needs.
+    """
+    data, arrays, room = read_bytes(path), {}, LARGEST_ARRAYS
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            for member in archive.infolist():
+                with archive.open(member) as file:
+                    name = member.filename.removesuffix(".npy")
+                    shape, kind = _head(file)
+                    size = math.prod(shape) * kind.itemsize
+                    if kind.kind not in KINDS:
+                        raise FileError(f"{path}: array {name!r} is of {kind}, not of numbers")
+                    if size > min(room, member.file_size):
+                        raise FileError(f"{path}: array {name!r} claims {size / 2**20:.0f} MB, which it does not hold")
+                    room -= size
+                with archive.open(member) as file:
+                    arrays[name] = np.lib.format.read_array(file, allow_pickle=False)
+    except FileError:
+        raise
+    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, NotImplementedError, RuntimeError) as error:
+        raise FileError(f"{path} can't be read as NPZ: {error}") from None
+    return arrays
+
+
+def _head(file: "zipfile.ZipExtFile") -> tuple[tuple[int, ...], np.dtype]:
+    """Shape and kind that the head of an array states."""
+    version = np.lib.format.read_magic(file)
+    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
+    if read is None:
+        raise ValueError(f"arrays of format {version} are unknown")
+    shape, _, kind = read(file)
+    return shape, kind

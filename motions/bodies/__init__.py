@@ -1,0 +1,1 @@
+"""Who is who among the joints of a body, and how tall it is: by names, and by its shape."""

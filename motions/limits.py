@@ -1,0 +1,11 @@
+"""What a file may ask for at most: each limit is looked at before anything of that size is made."""
+
+LARGEST_FILE = 2**30
+"""Bytes: a million-triangle mesh as text is a tenth of that."""
+LARGEST_ARRAYS = 2**30
+"""Bytes that the arrays of a file may take together once they are unpacked: an hour of a robot at 60 frames a second
+takes 60 MB."""
+LARGEST_NUMBER = 1e9
+"""Numbers beyond this are taken for damage: no position or angle needs them, and their products would overflow."""
+SLOWEST, FASTEST = 5.0, 1000.0
+"""Frames per second that a motion has, at least and at most."""

@@ -1,0 +1,108 @@
+"""Which column of a table is which number of a robot's configuration, by the columns' names."""
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motions.errors import FileError
+
+TIME_NAMES = ("time", "times", "t", "timestamp", "seconds")
+
+_ROOT = {
+    "x": r"(?:p|pos|t)[ _.]?x|x", "y": r"(?:p|pos|t)[ _.]?y|y", "z": r"(?:p|pos|t)[ _.]?z|z",
+    "qx": r"(?:q|quat|rot)[ _.]?x", "qy": r"(?:q|quat|rot)[ _.]?y",
+    "qz": r"(?:q|quat|rot)[ _.]?z", "qw": r"(?:q|quat|rot)[ _.]?w",
+}  # fmt: skip
+_BEFORE_ROOT = r"(?:(?:root|base|pelvis|floating_base|trans|translation|position|orientation)[ _./]+)*"
+_UNIT = re.compile(r"[ _]*[\[(](?P<in>[^\])]*)[\])]$|_(?P<after>rad|deg|m)$")
+_DEGREES = ("deg", "degrees", "degree", "°")
+_LISTED = 4  # names that a message lists
+
+
+class Order(NamedTuple):
+    """Where each expected number stands among columns, which of them are in degrees, and whether by their names."""
+
+    places: list[int]
+    degrees: NDArray[np.bool_]
+    by_name: bool
+
+
+def order_of(header: Sequence[str], expected: Sequence[str], where: str) -> Order:
+    """Where each expected number stands among columns that are named.
+
+    A prefix or suffix that all joints of either side share doesn't count, nor do units in brackets, nor case. Columns
+    that are numbered, and not named, are in the expected order.
+
+    Raises:
+        FileError: the names don't fit; tells which are missing and which are unknown.
+    """
+    plain = [_plain(name) for name in header]
+    degrees = np.array([unit in _DEGREES for _, unit in plain])
+    by_name = not _are_numbered(header)
+    if not by_name:
+        found = dict(enumerate(range(len(header))))
+        places = [found.get(k) for k in range(len(expected))]
+    else:
+        mine, theirs = _without_shared([_root_name(name) for name, _ in plain]), _without_shared(list(expected))
+        places = [mine.index(name) if mine.count(name) == 1 else None for name in theirs]
+    missing = [name for name, place in zip(expected, places, strict=True) if place is None]
+    unknown = [header[place] for place in sorted(set(range(len(header))) - {p for p in places if p is not None})]
+    if missing or unknown:
+        told = [f"{word} {_some(names)}" for word, names in (("lacks", missing), ("has", unknown)) if names]
+        raise FileError(
+            f"{where}: the row of names does not fit the robot: it {', and '.join(told)}; "
+            "leave it out where columns are in the robot's order"
+        )
+    order = [place for place in places if place is not None]
+    return Order(order, degrees[order], by_name)
+
+
+def _plain(name: str) -> tuple[str, str]:
+    """A name in lower case without its unit, and the unit."""
+    name = name.strip().strip("\"'").lower()
+    found = _UNIT.search(name)
+    return (name, "") if found is None else (name[: found.start()], found["in"] or found["after"] or "")
+
+
+def _root_name(name: str) -> str:
+    """The usual name of a number of the root, by whichever of its names."""
+    for usual, others in _ROOT.items():
+        if re.fullmatch(_BEFORE_ROOT + f"(?:{others})", name):
+            return usual
+    return name
+
+
+def _without_shared(names: list[str]) -> list[str]:
+    """Names without what those of all joints begin and end with, up to a separator."""
+    names = [name.lower() for name in names]
+    joints = [name for name in names if name not in _ROOT]
+    if len(joints) < 2:
+        return names
+    before, after = _shared_start(joints), _shared_start([name[::-1] for name in joints])[::-1]
+    return [name if name in _ROOT else name.removeprefix(before).removesuffix(after) for name in names]
+
+
+def _shared_start(names: list[str]) -> str:
+    """What all names begin with, up to a separator."""
+    first, last = min(names), max(names)
+    shared = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), len(first))
+    return re.sub(r"[^ _./:]*$", "", first[:shared])
+
+
+def _are_numbered(header: Sequence[str]) -> bool:
+    """Tell whether names are but numbers from 0 or 1 on, with or without a word before them."""
+    found = [re.fullmatch(r"(\D*)(\d+)", name.strip()) for name in header]
+    if not all(found):
+        return False
+    numbers = [int(match[2]) for match in found if match]
+    return len({match[1] for match in found if match}) == 1 and numbers in (
+        list(range(len(header))), list(range(1, len(header) + 1)),
+    )  # fmt: skip
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    return ", ".join(map(repr, names[:_LISTED])) + more
