@@ -47,7 +47,7 @@ from cape.kernels.self_contact.self_contact import (
     press,
     search_pairs,
 )
-from cape.kernels.solve.attachments import Held, Lifted, hold_attached, lift_attached
+from cape.kernels.solve.attachments import Held, hold_attached
 from cape.kernels.solve.journal import (
     Noting,
     NotingForces,
@@ -59,6 +59,7 @@ from cape.kernels.solve.journal import (
     note_limited,
     note_pressed,
 )
+from cape.kernels.solve.lift import Lifted, lift_attached
 from cape.kernels.solve.soft import Aiming, aim_pull
 from cape.kernels.solve.strain_limit import Limited, limit_across, limit_down
 from cape.kernels.solve.tethers import Tethered, keep_tethered
@@ -95,9 +96,11 @@ def begin_frame(thread: Thread) -> list[Use]:
         if contacts.faces is not None and thread.is_first:
             uses.append(Use(wake_faces, contacts.faces))
         uses += wait(thread)
-    attached = running.assembly.attached
-    if attached is not None:
-        uses += [Use(lift_attached, Lifted(attached, contacts.colliders, motion, bones, duration)), start]
+    attached, ties = running.assembly.attached, running.assembly.ties
+    if attached is not None and ties is not None:
+        if thread.is_first:
+            uses += [Use(lift_attached, Lifted(attached, ties, contacts.colliders, motion, bones, duration)), start]
+        uses += wait(thread)
     uses += aim_springs(thread, 0.0)
     pull, journal = running.assembly.pull, thread.journal
     if pull is not None and journal is not None:
