@@ -6,14 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.contact import Contacts, contacts_of, for_another_thread
-from cape.assembly.holding import attached_of, pull_of, tethers_of, ties_of
+from cape.assembly.holding import attached_of, by_kind, confined_of, pull_of, rails_of, tethers_of, ties_of
 from cape.assembly.springs import Springs, springs_of
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.kernels.bones import MotionRoom
 from cape.kernels.cloth.grid import MOST_COLUMNS, GridRoom, grid_room
 from cape.kernels.self_contact.self_contact import Layers
 from cape.kernels.solve.attachments import Attached
+from cape.kernels.solve.confine import Confined
 from cape.kernels.solve.lift import Ties
+from cape.kernels.solve.slide import Rails
 from cape.kernels.solve.soft import Pull
 from cape.kernels.solve.tethers import Tethers
 from cape.kernels.state import Inertia
@@ -47,6 +49,8 @@ class Assembly:
         attached: what bones hold hard; its points change while the cloth is put on. None for nothing.
         ties: threads between that, which keep it together where it is led out of colliders; None for nothing.
         pull: what they hold by springs, in the same way; None for nothing.
+        rails: curves along which vertices slide, in the same way; None for nothing.
+        confined: what may not get far from where bones would carry it; None for nothing.
         tethers: from what bones hold hard to all that hangs on it; None for none.
         wind: velocity of the air [m/s], shape (3,), in place: it changes while the cloth is put on.
         ranks: for each thread of a run.
@@ -62,6 +66,8 @@ class Assembly:
     attached: Attached | None
     ties: Ties | None
     pull: Pull | None
+    rails: Rails | None
+    confined: Confined | None
     tethers: Tethers | None
     wind: FloatArray
     ranks: tuple[Rank, ...]
@@ -73,18 +79,30 @@ class Assembly:
 
     @property
     def carried(self) -> tuple[Attached, ...]:
-        """All that bones carry along: what they hold hard, what springs hold."""
+        """All that bones carry along: what they hold hard, what springs hold, what slides."""
+        return tuple(attached for attached in self._by_kind if attached is not None)
+
+    @property
+    def _by_kind(self) -> tuple[Attached | None, Attached | None, Attached | None]:
         pulled = None if self.pull is None else self.pull.attached
-        return tuple(attached for attached in (self.attached, pulled) if attached is not None)
+        return self.attached, pulled, None if self.rails is None else self.rails.attached
+
+    @property
+    def loose(self) -> NDArray[np.bool_]:
+        """Which vertices no bone holds hard or on a curve, shape (N,): those that colliders keep out."""
+        loose = self.free.copy()
+        if self.rails is not None:
+            loose[self.rails.attached.vertices] = False
+        return loose
 
     def carried_with(
         self, held: list[NDArray[np.int64]]
     ) -> list[tuple[Attached, list[tuple[Attachment, NDArray[np.int64]]]]]:
         """The same, each with its attachments and the vertices of the scene that these hold, given those of all."""
         pairs = list(zip(self.scene.attachments, held, strict=True))
-        hard, soft = ([pair for pair in pairs if pair[0].soft == kind] for kind in (False, True))
-        pulled = None if self.pull is None else self.pull.attached
-        return [(attached, own) for attached, own in ((self.attached, hard), (pulled, soft)) if attached is not None]
+        return [
+            (attached, own) for attached, own in zip(self._by_kind, by_kind(pairs), strict=True) if attached is not None
+        ]
 
     @property
     def layers(self) -> Layers | None:
@@ -124,10 +142,13 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
     holds = list(zip(scene.attachments, vertices, places, strict=True))
     mass = cloth.masses()
     free = np.ones(cloth.vertices, dtype=bool)
+    loose = free.copy()
     for attachment, _, indices in holds:
-        free[indices] &= attachment.soft
-    contacts = contacts_of(scene, cloth, free)
-    attached, springs = attached_of(scene, [hold for hold in holds if not hold[0].soft]), springs_of(cloth)
+        free[indices] = not attachment.hard
+        loose[indices] = attachment.soft
+    contacts = contacts_of(scene, cloth, loose)
+    hard, soft, sliding = by_kind(holds)
+    attached, springs = attached_of(scene, hard), springs_of(cloth)
     return Assembly(
         scene=scene,
         cloth=cloth,
@@ -138,7 +159,9 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
         free=free,
         attached=attached,
         ties=None if attached is None else ties_of(cloth, springs, attached),
-        pull=pull_of(scene, [hold for hold in holds if hold[0].soft], mass),
+        pull=pull_of(scene, soft, mass),
+        rails=rails_of(scene, sliding),
+        confined=confined_of(scene, cloth, vertices, np.arange(cloth.vertices) if order is None else np.argsort(order)),
         tethers=tethers_of(scene, cloth, attached),
         wind=np.array((0.0, 0.0, 0.0) if scene.wind is None else scene.wind.velocity, dtype=float),
         ranks=tuple(

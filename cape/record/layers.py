@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.cloth.normals import vertex_normals
 from cape.record.frames import Frames, send_once
-from cape.record.surfaces.normals import vertex_normals
 from cape.record.surfaces.textures import albedo, woven
 from motions.errors import UnknownNameError
 from skeleton.track import BoneTrack

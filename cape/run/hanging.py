@@ -111,9 +111,21 @@ class Hanging:
             (attached, *putting_on.hold_points(scene, attached, own, self.pose, positions))
             for attached, own in self.assembly.carried_with(held)
         ]
+        self._animate(positions)
         self._center, self.strained = np.zeros(3), False
         self.keeps_journal = False
         self.journal: Journal | None = None
+
+    def _animate(self, positions: FloatArray) -> None:
+        """Have bones carry along, from where the cloth is put on (V, 3), where confined vertices are to be near."""
+        confined, scene = self.assembly.confined, self.assembly.scene
+        if confined is None:
+            return
+        animated = [(each.animated, each.animated.vertices) for each in scene.confinements]
+        self._ways.append(
+            (confined.animated, *putting_on.hold_points(scene, confined.animated, animated, self.pose, positions))
+        )
+        confined.normals[:] = putting_on.normals_in_bones(scene, confined.animated, animated, self.pose, positions)
 
     @property
     def positions(self) -> FloatArray:

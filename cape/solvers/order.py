@@ -5,11 +5,12 @@ A frame begins with the bones (`begin_frame`). In each substep the solver's unit
 1. the journal notes where that has led;
 2. threads are kept from stretching too far, and the journal notes that;
 3. touching layers of cloth press on each other;
-4. tethers draw in what is too far from where bones hold the cloth;
+4. tethers draw in what is too far from where bones hold the cloth, and what is confined stays where it may be;
 5. colliders keep triangles out, then vertices;
 6. bones put the vertices that they hold hard where they belong;
 7. layers of the cloth are kept apart;
-8. the journal notes where that has led.
+8. what slides along curves is put onto these;
+9. the journal notes where that has led.
 
 What a scene lacks is not in the list.
 """
@@ -48,6 +49,7 @@ from cape.kernels.self_contact.self_contact import (
     search_pairs,
 )
 from cape.kernels.solve.attachments import Held, hold_attached
+from cape.kernels.solve.confine import Confining, keep_in_front, keep_near
 from cape.kernels.solve.journal import (
     Noting,
     NotingForces,
@@ -60,6 +62,7 @@ from cape.kernels.solve.journal import (
     note_pressed,
 )
 from cape.kernels.solve.lift import Lifted, lift_attached
+from cape.kernels.solve.slide import Sliding, slide
 from cape.kernels.solve.soft import Aiming, aim_pull
 from cape.kernels.solve.strain_limit import Limited, limit_across, limit_down
 from cape.kernels.solve.tethers import Tethered, keep_tethered
@@ -157,6 +160,7 @@ def end_substep(
         uses.append(
             Use(keep_tethered, Tethered(running.state, assembly.attached, assembly.tethers, thread.bones, anchors))
         )
+    uses += _confine(thread)
     uses += _keep_out(thread, earlier, share)
     if assembly.attached is not None and holding:
         uses.append(Use(hold_attached, Held(running.state, assembly.attached, thread.bones)))
@@ -168,6 +172,8 @@ def end_substep(
             layered = Layered(running.state, contacts.layers, thread.inverse_mass, linker.program([look, search]))
             uses.append(Use(keep_apart, layered))
         uses += wait(thread)
+    if assembly.rails is not None:
+        uses.append(Use(slide, Sliding(running.state, assembly.rails, thread.bones)))
     if thread.journal is not None:
         uses.append(Use(note_end, Noting(running.state, thread.journal)))
     return uses
@@ -182,6 +188,20 @@ def _limit_strain(thread: Thread) -> list[Use]:
     uses = [*wait(thread), Use(limit_down, limited), *wait(thread), Use(limit_across, limited), *wait(thread)]
     if thread.journal is not None:
         uses.append(Use(note_limited, Noting(running.state, thread.journal)))
+    return uses
+
+
+def _confine(thread: Thread) -> list[Use]:
+    """Keep vertices near where bones would carry them, then out of the spheres behind that."""
+    confined = thread.running.assembly.confined
+    if confined is None:
+        return []
+    confining = Confining(thread.running.state, thread.inverse_mass, confined, thread.bones)
+    uses = []
+    if np.isfinite(confined.most).any():
+        uses.append(Use(keep_near, confining))
+    if np.isfinite(confined.behind).any():
+        uses.append(Use(keep_in_front, confining))
     return uses
 
 

@@ -126,9 +126,7 @@ def test_a_point_is_led_out_of_all_that_it_is_in():
     thickness, m = 0.01, moving(np.zeros((2, 3)), place=[[0, 0, 0], [0.05, 2.0, 0.05]])
     colliders = two_walls_and_a_ball(thickness)
     colliders.clock[MOMENT] += 1
-    np.testing.assert_allclose(
-        clear(-0.3, 5.0, -0.2, colliders, m), (thickness, 5.0, thickness), atol=1e-15
-    )
+    np.testing.assert_allclose(clear(-0.3, 5.0, -0.2, colliders, m), (thickness, 5.0, thickness), atol=1e-15)
     assert clear(0.5, 5.0, 0.5, colliders, m) == (0.5, 5.0, 0.5)
     # Out of the ball alone, straight away from its centre.
     out = np.array(clear(0.12, 2.0, 0.05, colliders, m))
