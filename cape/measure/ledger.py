@@ -201,9 +201,9 @@ class Ledger:
             some = slice(first, first + count)
             integrated, ended = (states[some].astype(float) for states in (journal.integrated, journal.ended))
             goals = None if journal.goals is None else journal.goals[first : first + len(ended) + 1]
-            limited = None if journal.limited is None else journal.limited[some].astype(float)
+            unlimited = None if journal.unlimited is None else journal.unlimited[some].astype(float)
             pressed = journal.pressed[some]
-            sums += self._work_of_steps(assembly, begin, integrated, limited, ended, pressed, goals, h)
+            sums += self._work_of_steps(assembly, begin, integrated, unlimited, ended, pressed, goals, h)
             begin = ended[-1]
         return sums
 
@@ -212,7 +212,7 @@ class Ledger:
         assembly: Assembly,
         begin: FloatArray,
         integrated: FloatArray,
-        limited: FloatArray | None,
+        unlimited: FloatArray | None,
         ended: FloatArray,
         pressed: NDArray[np.bool_],
         goals: FloatArray | None,
@@ -246,13 +246,13 @@ class Ledger:
         springs, dampers, way = _soft_hold(assembly, goals, 0.5 * (begun + ended))
         given_to_springs, dissipated = np.sum((springs + dampers) * way), np.sum(dampers * way) - damped.sum()
         attachments, kept = left[:, held].sum(), np.zeros_like(left)
-        touched = work_between(integrated if limited is None else limited, ended)
+        touched = work_between(integrated, ended if unlimited is None else unlimited)
         limit = 0.0
-        if limited is not None:
-            kept = work_between(integrated, limited)
+        if unlimited is not None:
+            kept = work_between(unlimited, ended)
             limit = kept.sum()
             if held.any():
-                given = (mass * (limited[:, 3:] - integrated[:, 3:]))[:, :, ~held].sum(axis=2)
+                given = (mass * (ended[:, 3:] - unlimited[:, 3:]))[:, :, ~held].sum(axis=2)
                 pulled = (given * moved[:, :, held].mean(axis=2)).sum() / h
                 attachments, limit = attachments + pulled, limit - pulled
         touched = np.where(pressed & ~held, left - kept, touched)

@@ -34,16 +34,18 @@ FARTHEST_LEAP = 1e6  # m from the cloth's own origin; the same
 FARTHEST = 1.0  # m from the cloth's middle to the origin that its positions refer to
 WILD = 60.0  # m/s: faster than cloth gets on a body, and a sign that strained springs are too stiff for the step
 PARTED = 0.1  # of the way from the middle of all held points to the farthest: beyond it, bones pose otherwise
+OVERDRAWN = 0.01  # strain beyond their limit, that sweeps over threads leave where a step is too long
 STRAINED = 0.2  # from which on springs resist across their direction, too, as much as matters for the step
 
 
 class Moment(NamedTuple):
     """The state at some time, and what was known then: how the cloth touches itself, which vertices two colliders
-    pinch, where it is, if it is strained."""
+    pinch, by how far threads have drawn them, where it is, if it is strained."""
 
     state: tuple[NDArray[np.floating], ...]
     layers: self_contact.Kept | None
     pinched: NDArray[np.bool_]
+    drawn: FloatArray
     center: FloatArray
     strained: bool
 
@@ -175,7 +177,23 @@ class Hanging:
         self._running = self._solver.init(self.assembly, self.state)
         self._sound = Bound(whereabouts, *self.state, FARTHEST_LEAP, FASTEST)
         self._slow = Bound(whereabouts, *self.state, FARTHEST_LEAP, WILD)
+        self._overdrawn = self._bound_of_threads()
         self._strain = Bound(is_strained, *self.state[:3], springs.first, springs.second, springs.rest, STRAINED)
+
+    def _bound_of_threads(self) -> Bound | None:
+        """What tells whether a thread that is not held at both ends is beyond its limit; None where there is none."""
+        springs, free, fabric = self.assembly.springs, self.assembly.free, self.assembly.cloth.fabric
+        if not self.assembly.scene.strain_limit:
+            return None
+        chosen = springs.measured & (free[springs.first] | free[springs.second])
+        most = max(fabric.limit_warp, fabric.limit_weft) + OVERDRAWN
+        threads = (springs.first[chosen], springs.second[chosen], springs.rest[chosen])
+        return Bound(is_strained, *self.state[:3], *threads, most)
+
+    @property
+    def overdrawn(self) -> bool:
+        """Whether any thread is longer than a limit of strain lets it be where steps are short enough."""
+        return self._overdrawn is not None and bool(self._overdrawn())
 
     def requests(self, *, keeps_journal: bool = False) -> list[Request]:
         """The code that a run needs, to be compiled together with other code."""
@@ -270,6 +288,7 @@ class Hanging:
         for component, values in zip(self.state, self.assembly.inwards(place.state).T, strict=True):
             component[:] = values
         self._pinched[:] = False
+        self._running.drawn.by[:] = 0.0
         self._hold_again(place.hold)
         self.look()
 
@@ -311,6 +330,7 @@ class Hanging:
                 carried = before[: len(attached.vertices)] @ rotation.T + shift - moved
                 putting_on.lift_to(attached, pose, carried)
         self.pose = pose
+        self._running.drawn.by[:] = 0.0
         self._aim()
         self.look()
 
@@ -345,10 +365,10 @@ class Hanging:
     def _blank_journal(self, substeps: int) -> Journal:
         count, dtype = self.state.x.size, self.state.x.dtype
         integrated, ended = np.empty((2, substeps, 6, count), dtype)
-        limited = np.empty_like(ended) if self.assembly.scene.strain_limit else None
+        unlimited = np.empty_like(ended) if self.assembly.scene.strain_limit else None
         pull = self.assembly.pull
         goals = None if pull is None else np.empty((substeps + 1, 6, pull.stiffness.size))
-        return Journal(integrated, limited, ended, np.empty((substeps, count), np.bool_), goals)
+        return Journal(integrated, unlimited, ended, np.empty((substeps, count), np.bool_), goals)
 
     def note_lift(self, duration: float) -> None:
         """Note how far what bones hold has drifted out of colliders in a frame of `duration` [s]."""
@@ -386,7 +406,8 @@ class Hanging:
         """A copy of what a frame changes."""
         known = self.assembly.layers
         kept = None if known is None else self_contact.keep(known)
-        return Moment(tuple(c.copy() for c in self.state), kept, self._pinched.copy(), self._center, self.strained)
+        pinched, drawn = self._pinched.copy(), self._running.drawn.by.copy()
+        return Moment(tuple(c.copy() for c in self.state), kept, pinched, drawn, self._center, self.strained)
 
     def restore(self, before: Moment) -> None:
         """Put a moment back."""
@@ -394,6 +415,7 @@ class Hanging:
             component[:] = kept
         self._center, self.strained = before.center, before.strained
         self._pinched[:] = before.pinched
+        self._running.drawn.by[:] = before.drawn
         if self.assembly.layers is not None and before.layers is not None:
             self_contact.put_back(self.assembly.layers, before.layers)
 

@@ -28,6 +28,7 @@ FloatArray = NDArray[np.float64]
 RETRIES = 4  # each at half the step or less
 CONVERGENCE_RETRIES = 2  # after which a step that did not converge is kept, and counted
 WHIRL_RETRIES = 3  # after which one that whirls is kept
+DRAWING = 6  # times as many steps as usual, that are taken where a limit of strain is not kept
 MOST_HASTE = 8.0  # times as many steps as usual, that are taken for thin colliders that come by fast
 FORECAST_SUBSTEPS = 50
 DEFAULT_CUTS = Cuts()
@@ -65,7 +66,7 @@ class Simulation:
         substeps: steps of the last frame, as chosen first.
         retried: frames since the start that exploded and were done again in shorter steps.
         refined: frames that were taken in shorter steps, as the longer ones did not converge, made parts whirl,
-            strained springs too far, or let thin colliders come by too far.
+            strained springs or threads too far, or let thin colliders come by too far.
         unconverged: frames that did not converge in shorter steps either.
         cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
         jumps: frames in which the bones have jumped.
@@ -341,6 +342,8 @@ class Simulation:
         if self.solver.substeps is not None:
             return substeps
         needed = math.ceil(substeps * min(cloth.haste, MOST_HASTE))
+        if cloth.overdrawn:
+            needed = max(needed, DRAWING * substeps)
         if cloth.strained:
             needed = max(needed, cloth.choose_substeps(dt, strained=True))
         return needed

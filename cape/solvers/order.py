@@ -26,6 +26,7 @@ from cape.forces.base import Acting, Force
 from cape.kernels.bones import MovingBones, begin_motion, move_on
 from cape.kernels.cloth.grid import GridRoom
 from cape.kernels.contact.contact import Contact
+from cape.kernels.contact.drawn import Drawing, begin_drawing, end_drawing
 from cape.kernels.contact.faces import FaceContact
 from cape.kernels.contact.units import (
     FirstLook,
@@ -58,8 +59,8 @@ from cape.kernels.solve.journal import (
     note_first_goals,
     note_goals,
     note_integrated,
-    note_limited,
     note_pressed,
+    note_unlimited,
 )
 from cape.kernels.solve.lift import Lifted, lift_attached
 from cape.kernels.solve.slide import Sliding, slide
@@ -152,7 +153,6 @@ def end_substep(
             uses.append(Use(note_goals, NotingGoals(assembly.pull, thread.journal)))
         if not pressing:
             uses.append(Use(note_pressed, NotingForces(thread.journal, force, contacts.pressure)))
-    uses += _limit_strain(thread)
     if contacts.pressure is not None and pressing:
         uses.append(Use(press, Pressed(running.state, contacts.pressure)))
     if assembly.tethers is not None and assembly.attached is not None:
@@ -172,6 +172,7 @@ def end_substep(
             layered = Layered(running.state, contacts.layers, thread.inverse_mass, linker.program([look, search]))
             uses.append(Use(keep_apart, layered))
         uses += wait(thread)
+    uses += _limit_strain(thread)
     if assembly.rails is not None:
         uses.append(Use(slide, Sliding(running.state, assembly.rails, thread.bones)))
     if thread.journal is not None:
@@ -180,15 +181,19 @@ def end_substep(
 
 
 def _limit_strain(thread: Thread) -> list[Use]:
-    """Keep threads from stretching too far, those along columns, then those along rows; contact has the last word."""
-    running, cloth = thread.running, thread.running.assembly.cloth
+    """Keep threads from stretching too far, those along columns, then those along rows, and out of limbs in the end."""
+    running, cloth, colliders = thread.running, thread.running.assembly.cloth, thread.contacts.colliders
     if running.longest is None or not isinstance(cloth, GridCloth):
         return []
     limited = Limited(running.state, thread.inverse_mass, running.longest, cloth.rows, cloth.columns)
-    uses = [*wait(thread), Use(limit_down, limited), *wait(thread), Use(limit_across, limited), *wait(thread)]
+    uses = []
     if thread.journal is not None:
-        uses.append(Use(note_limited, Noting(running.state, thread.journal)))
-    return uses
+        uses.append(Use(note_unlimited, Noting(running.state, thread.journal)))
+    limiting = [*wait(thread), Use(limit_down, limited), *wait(thread), Use(limit_across, limited), *wait(thread)]
+    if colliders is None:
+        return [*uses, *limiting]
+    drawing = Drawing(running.state, running.drawn, colliders)
+    return [*uses, Use(begin_drawing, drawing), *limiting, Use(end_drawing, drawing)]
 
 
 def _confine(thread: Thread) -> list[Use]:
@@ -215,7 +220,7 @@ def _keep_out(thread: Thread, earlier: NDArray[np.floating] | None, share: float
     start = np.zeros((1, 1), running.state.x.dtype) if earlier is None else earlier
     contact = Contact(
         running.state, thread.inverse_mass, contacts.free, start, straight, colliders, thread.bones, share,
-        contacts.settled,
+        contacts.settled, running.drawn,
     )  # fmt: skip
     uses = [Use(watch_tiles, Nearby(running.state, colliders, thread.bones, running.duration))]
     if faces is not None:

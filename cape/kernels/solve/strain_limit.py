@@ -32,7 +32,7 @@ Array = NDArray[np.floating]
 LOAD = 1e3  # m/s2
 LEFT = 3.5e-3  # m
 LEAST, MOST = 10, 100
-RETURN = 3.0  # m/s at most at which a sweep takes a thread back, as contact moves vertices out of colliders
+RETURN = 30.0  # m/s at most at which a sweep takes a thread back, as contact moves vertices out of colliders
 SLACK = 1e-4  # of its longest, by which a thread that is too long is left alone
 
 
