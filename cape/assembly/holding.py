@@ -102,12 +102,12 @@ def rails_of(scene: Scene, holds: list[Hold]) -> Rails | None:
     attached = attached_of(scene, holds)
     if attached is None:
         return None
-    curves = [_segments(attachment) for attachment, _, _ in holds]
+    curves = [_pieces(attachment) for attachment, _, _ in holds]
     ends = np.cumsum([0, *(len(curve) for curve in curves)])
     count = [len(vertices) for _, vertices, _ in holds]
     return Rails(
         attached=attached,
-        segments=np.concatenate(curves),
+        pieces=np.concatenate(curves),
         first=np.repeat(ends[:-1], count),
         last=np.repeat(ends[1:], count),
         closed=np.repeat([_is_closed(attachment) for attachment, _, _ in holds], count),
@@ -119,24 +119,25 @@ def _is_closed(attachment: Attachment) -> bool:
     return bool((attachment.along[0] == attachment.along[-1]).all())
 
 
-def _segments(attachment: Attachment) -> FloatArray:
-    """The rows of a curve's segments, shape (m - 1, 12): see `Rails`."""
+def _pieces(attachment: Attachment) -> FloatArray:
+    """The rows of a curve's pieces, shape (m - 1, 12): see `Rails`."""
     points = attachment.along
     assert points is not None
     ways = np.diff(points, axis=0)
-    straight = ways / np.linalg.norm(ways, axis=1, keepdims=True)
-    begin, end = (_tangents(straight, np.roll(straight, by, axis=0)) for by in (1, -1))
+    lengths = np.linalg.norm(ways, axis=1, keepdims=True)
+    straight = ways / lengths
+    begin, end = (_bends(straight, np.roll(straight, by, axis=0)) for by in (1, -1))
     if not _is_closed(attachment):
-        begin[0], end[-1] = straight[0], straight[-1]
-    return np.concatenate([points[:-1], ways, begin, end], axis=1)
+        begin[0] = end[-1] = 0.0
+    return np.concatenate([points[:-1], ways, lengths * begin, lengths * end], axis=1)
 
 
-def _tangents(straight: FloatArray, beside: FloatArray) -> FloatArray:
-    """Unit tangents where segments meet those beside them, from the directions of both, shape (S, 3)."""
+def _bends(straight: FloatArray, beside: FloatArray) -> FloatArray:
+    """How unit tangents where pieces meet those beside them differ from their own directions, shape (S, 3)."""
     middle = straight + beside
-    bent = np.sum(straight * beside, axis=1) < SMOOTH
-    middle[bent] = straight[bent]
-    return middle / np.linalg.norm(middle, axis=1, keepdims=True)
+    cornered = np.sum(straight * beside, axis=1) < SMOOTH
+    middle[cornered] = straight[cornered]
+    return middle / np.linalg.norm(middle, axis=1, keepdims=True) - straight
 
 
 def confined_of(scene: Scene, cloth: Cloth, held: list[IntArray], places: IntArray) -> Confined | None:

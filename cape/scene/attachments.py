@@ -39,8 +39,9 @@ class Attachment:
         damping: against the velocity of that place [N s/m], shape (n,); None for that which is critical for the vertex
             alone, 2 (k m)^1/2.
         along: points of a curve in the bone's frame [m], shape (m, 3), that the vertices slide along, like rings on a
-            rail: free along it, as far as its ends, held across. It is straight between its points and smooth where it
-            bends by less than 30 degrees at one; closed if its last point is its first. None to hold them at a place.
+            rail: free along it, as far as its ends, held across. It goes through the points, round where it bends by
+            less than 30 degrees at one, with a corner where by more; closed if its last point is its first. None to
+            hold them at a place.
     """
 
     bone: str

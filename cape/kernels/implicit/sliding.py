@@ -1,22 +1,22 @@
 """Vertices that slide along curves, within the stages of implicit solvers.
 
-A spring of no length pulls a vertex x to the nearest point c of its curve: f = k (c - x), with energy k |c - x|^2 / 2.
-As c moves along the segment's direction d with x, minus the derivative is k (I - d d^T), and k I beyond an end. Stages
-end so close to the curve that `solve.slide` has next to nothing to do: k is `HARD` times the mass over b^2, as for
-contact, and never less than what holds the whole cloth near the curve.
+A spring of no length pulls a vertex x across to the nearest point c of its curve: f = k (I - t t^T) (c - x), t being
+the unit tangent there. As c moves along with x, that is also k (c - x) but beyond an end, from which it would throw the
+vertex back; minus its derivative is k (I - t t^T). Stages end so close to the curve that `solve.slide` has next to
+nothing to do: k is `HARD` times the mass over b^2, as for contact, and never less than what holds the whole cloth near
+the curve.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.kernels.bones import MotionRoom, turned
+from cape.kernels.bones import MotionRoom
 from cape.kernels.contact.penalty import HARD
 from cape.kernels.implicit.stiffness import Matrix
 from cape.kernels.jit import inlined, unit
-from cape.kernels.solve.slide import Rails, nearest_on, point_on
+from cape.kernels.solve.slide import Rails, nearest_on, point_on, tangent_on
 from cape.kernels.state import Inertia, State
 
 Array = NDArray[np.floating]
@@ -52,10 +52,12 @@ def pull_to_rails(g, team, substep, substeps, b):
             continue
         j, u = nearest_on(rails, k, s.x[i], s.y[i], s.z[i], g.bones)
         x, y, z = point_on(rails, attached.bones[k], j, u, g.bones)
-        stiffness = stiffness_of(g, i, b)
-        f[0, i] += stiffness * (x - s.x[i])
-        f[1, i] += stiffness * (y - s.y[i])
-        f[2, i] += stiffness * (z - s.z[i])
+        tx, ty, tz = tangent_on(rails, attached.bones[k], j, u, g.bones)
+        x, y, z = x - s.x[i], y - s.y[i], z - s.z[i]
+        stiffness, along = stiffness_of(g, i, b), x * tx + y * ty + z * tz
+        f[0, i] += stiffness * (x - along * tx)
+        f[1, i] += stiffness * (y - along * ty)
+        f[2, i] += stiffness * (z - along * tz)
 
 
 @unit
@@ -69,11 +71,7 @@ def add_rail_blocks(g, team, substep, substeps, b):
             continue
         j, u = nearest_on(rails, k, s.x[i], s.y[i], s.z[i], g.bones)
         stiffness = stiffness_of(g, i, b)
-        a = rails.segments[j]
-        x, y, z = turned(attached.bones[k], a[3], a[4], a[5], g.bones.matrices)
-        # At a point between two segments, as at an end, the nearest point stays where it is.
-        scale = 1.0 / math.sqrt(x * x + y * y + z * z) if u > 0.0 and u < 1.0 else 0.0
-        x, y, z = scale * x, scale * y, scale * z
+        x, y, z = tangent_on(rails, attached.bones[k], j, u, g.bones)
         own[0, front + i] += number(stiffness * (1.0 - x * x))
         own[1, front + i] += number(stiffness * (1.0 - y * y))
         own[2, front + i] += number(stiffness * (1.0 - z * z))

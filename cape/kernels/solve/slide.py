@@ -1,14 +1,16 @@
 """Vertices that slide along curves which bones carry: free along them, held across.
 
-A curve is a row of straight segments. Once a step h has moved a vertex x, with the velocity v, it is compared with the
+A curve is a row of cubic pieces (Hermite's): from a point a with a way w to the next, and tangents m and n at both,
+
+    c(u) = a + u w + u (1 - u)^2 (m - w) - u^2 (1 - u) (n - w)
+
+which is straight where m = n = w. Once a step h has moved a vertex x, with the velocity v, it is compared with the
 nearest point c of its curve, where the bone moves at w and the curve goes along the unit tangent t:
 
     r = v - w,   v -= r - (r . t) t,   x -= h (r - (r . t) t)
 
 which redoes the step without what leads across; at an end of the curve also without what leads beyond. What is then
-left of x - c, which a bend leaves, is taken back without any velocity, no faster than contact moves vertices. The
-tangent turns evenly along each segment, so that a bend of many small ones turns the velocity without taking from it:
-at a corner of an angle a that were all but cos(a).
+left of x - c, which a bend leaves, is taken back without any velocity, no faster than contact moves vertices.
 
 An implicit solver finds its stage with a spring across in place of this, as for contact: see `implicit.sliding`.
 """
@@ -28,16 +30,18 @@ from cape.kernels.state import State
 Array = NDArray[np.floating]
 Indices = NDArray[np.int64]
 
+REFINED = 3  # steps of Newton's method from the nearest point of the chords
+
 
 class Rails(NamedTuple):
-    """Curves for n vertices: the segments from `first` to `last` (n,) of `segments` (S, 12).
+    """Curves for n vertices: the pieces from `first` to `last` (n,) of `pieces` (S, 12).
 
-    A row is where a segment begins and its way to its end [m], and the unit tangents at both, in the bone's frame.
+    A row is a, w, m - w and n - w of a piece [m], in the bone's frame.
     `attached` are the vertices with their bones; its points are not used here. `closed` (n,) curves have no ends.
     """
 
     attached: Attached
-    segments: Array
+    pieces: Array
     first: Indices
     last: Indices
     closed: NDArray[np.bool_]
@@ -94,14 +98,14 @@ def is_stopped(rails, k, j, u, along):
 
 @routine
 def nearest_on(rails, k, x, y, z, m):
-    """The segment of curve k that is nearest to a point of the world [m], and the share of it where that is."""
-    bone, segments = rails.attached.bones[k], rails.segments
+    """The piece of curve k that is nearest to a point of the world [m], and its u there."""
+    bone, pieces = rails.attached.bones[k], rails.pieces
     x, y, z = turned_back(
         bone, x - m.positions[bone, 0], y - m.positions[bone, 1], z - m.positions[bone, 2], m.matrices
     )  # fmt: skip
     nearest, chosen, share = math.inf, rails.first[k], 0.0
     for j in range(rails.first[k], rails.last[k]):
-        a = segments[j]
+        a = pieces[j]
         dx, dy, dz = x - a[0], y - a[1], z - a[2]
         wx, wy, wz = a[3], a[4], a[5]
         u = (dx * wx + dy * wy + dz * wz) / (wx * wx + wy * wy + wz * wz)
@@ -110,20 +114,43 @@ def nearest_on(rails, k, x, y, z, m):
         squared = dx * dx + dy * dy + dz * dz
         if squared < nearest:
             nearest, chosen, share = squared, j, u
+    a = pieces[chosen]
+    for _ in range(REFINED):
+        cx, cy, cz = place_in(a, share)
+        tx, ty, tz = slope_in(a, share)
+        share += ((x - cx) * tx + (y - cy) * ty + (z - cz) * tz) / (tx * tx + ty * ty + tz * tz)
+        share = min(max(share, 0.0), 1.0)
     return chosen, share
 
 
 @inlined
+def place_in(a, u):
+    """c(u) of a piece [m]."""
+    p, q = u * (1.0 - u) * (1.0 - u), -u * u * (1.0 - u)
+    return (
+        a[0] + u * a[3] + p * a[6] + q * a[9],
+        a[1] + u * a[4] + p * a[7] + q * a[10],
+        a[2] + u * a[5] + p * a[8] + q * a[11],
+    )
+
+
+@inlined
+def slope_in(a, u):
+    """c'(u) of a piece [m]."""
+    p, q = (1.0 - u) * (1.0 - 3.0 * u), u * (3.0 * u - 2.0)
+    return a[3] + p * a[6] + q * a[9], a[4] + p * a[7] + q * a[10], a[5] + p * a[8] + q * a[11]
+
+
+@inlined
 def point_on(rails, bone, j, u, m):
-    """The point at a share u of segment j, in the world [m]."""
-    a = rails.segments[j]
-    return to_world(bone, a[0] + u * a[3], a[1] + u * a[4], a[2] + u * a[5], m.positions, m.matrices)
+    """c(u) of piece j, in the world [m]."""
+    x, y, z = place_in(rails.pieces[j], u)
+    return to_world(bone, x, y, z, m.positions, m.matrices)
 
 
 @inlined
 def tangent_on(rails, bone, j, u, m):
     """The unit tangent there, in the world."""
-    a = rails.segments[j]
-    x, y, z = a[6] + u * (a[9] - a[6]), a[7] + u * (a[10] - a[7]), a[8] + u * (a[11] - a[8])
+    x, y, z = slope_in(rails.pieces[j], u)
     scale = 1.0 / math.sqrt(x * x + y * y + z * z)
     return turned(bone, scale * x, scale * y, scale * z, m.matrices)
