@@ -3,12 +3,12 @@
 A frame begins with the bones (`begin_frame`). In each substep the solver's units move the cloth; then (`end_substep`)
 
 1. the journal notes where that has led;
-2. threads are kept from stretching too far, and the journal notes that;
-3. touching layers of cloth press on each other;
-4. tethers draw in what is too far from where bones hold the cloth, and what is confined stays where it may be;
-5. colliders keep triangles out, then vertices;
-6. bones put the vertices that they hold hard where they belong;
-7. layers of the cloth are kept apart;
+2. touching layers of cloth press on each other;
+3. tethers draw in what is too far from where bones hold the cloth, and what is confined stays where it may be;
+4. colliders keep triangles out, then vertices;
+5. bones put the vertices that they hold hard where they belong;
+6. layers of the cloth are kept apart;
+7. the journal notes that, and threads are kept from stretching too far;
 8. what slides along curves is put onto these;
 9. the journal notes where that has led.
 

@@ -62,7 +62,7 @@ def lift_attached(g, team, substep, substeps, step):
 def lift_held(attached, ties, colliders, motion, m, duration):
     """Let attached vertices drift to where they are out of all colliders at the frame's end, and not torn apart.
 
-    No faster than `contact.EXIT`, but for what neighbours take along. Leaves the bones `m` at the frame's end.
+    No faster than `contact.EXIT`. Leaves the bones `m` at the frame's end.
     """
     set_pose(motion.position1, motion.rotation1, m)
     forget_places(colliders)
@@ -80,11 +80,18 @@ def lift_held(attached, ties, colliders, motion, m, duration):
             for k in range(attached.vertices.size):
                 lead_out(attached, k, goals, places, colliders, m, duration)
         draw_together(ties)
+    farthest = 0.0
     for k in range(attached.vertices.size):
         lift, drift, bone = attached.lift[k], attached.drift[k], heaviest(attached, attached.blend, k)
         x, y, z = goals[k, 0] - places[k, 0], goals[k, 1] - places[k, 1], goals[k, 2] - places[k, 2]
         x, y, z = turned_back(bone, x, y, z, m.matrices)
         drift[0], drift[1], drift[2] = (x - lift[0]) / duration, (y - lift[1]) / duration, (z - lift[2]) / duration
+        farthest = max(farthest, math.sqrt(drift[0] * drift[0] + drift[1] * drift[1] + drift[2] * drift[2]))
+    # Some may be taken along faster than they would go by themselves. On a share of the way no thread is longer.
+    if farthest > EXIT:
+        for k in range(attached.vertices.size):
+            for axis in range(3):
+                attached.drift[k, axis] *= EXIT / farthest
 
 
 @routine
