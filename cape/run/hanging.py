@@ -178,7 +178,8 @@ class Hanging:
         self._sound = Bound(whereabouts, *self.state, FARTHEST_LEAP, FASTEST)
         self._slow = Bound(whereabouts, *self.state, FARTHEST_LEAP, WILD)
         self._overdrawn = self._bound_of_threads()
-        self._strain = Bound(is_strained, *self.state[:3], springs.first, springs.second, springs.rest, STRAINED)
+        ends = (np.ascontiguousarray(each) for each in (springs.first, springs.second))
+        self._strain = Bound(is_strained, *self.state[:3], *ends, np.ascontiguousarray(springs.rest), STRAINED)
 
     def _bound_of_threads(self) -> Bound | None:
         """What tells whether a thread that is not held at both ends is beyond its limit; None where there is none."""
@@ -186,7 +187,7 @@ class Hanging:
         if not self.assembly.scene.strain_limit:
             return None
         chosen = springs.measured & (free[springs.first] | free[springs.second])
-        most = max(fabric.limit_warp, fabric.limit_weft) + OVERDRAWN
+        most = float(max(fabric.limit_warp, fabric.limit_weft) + OVERDRAWN)
         threads = (springs.first[chosen], springs.second[chosen], springs.rest[chosen])
         return Bound(is_strained, *self.state[:3], *threads, most)
 

@@ -106,7 +106,7 @@ OWN = {
     "backstop": {"keep_in_front"},
     "sliding": {"slide"},
     "soft": {"aim_pull", "pull_vertices"},
-    "strain limit": {"limit_down", "limit_across"},
+    "strain limit": {"limit_down", "limit_across", "begin_drawing", "end_drawing"},  # of these two with colliders
     "thread": {"wait_for_all"},
     "xpbd": {"fall_all", "drift_all", "prepare_grid", "solve_grid", "aim_attached"},
     "implicit": {
