@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.kernels.contact.order import from_order, to_order
 from cape.kernels.contact.shapes import MOMENT, Colliders
 from cape.kernels.contact.watch import GAIN, TILE, alarm, tiles
-from cape.kernels.jit import inlined, routine, unit
+from cape.kernels.jit import inlined, kernel, routine, unit
 from cape.kernels.state import State
 
 Array = NDArray[np.float64]
@@ -68,38 +69,61 @@ def drawn_in(drawn, i, nx, ny, nz):
 @unit
 def begin_drawing(g, team, substep, substeps, step):
     """Note where a thread's vertices are before threads are held short."""
-    s, by = g.state, g.drawn.by
-    for i in range(team.lo, team.hi):
-        by[0, i], by[1, i], by[2, i] = s.x[i], s.y[i], s.z[i]
+    s, by, lo, hi = g.state, g.drawn.by, team.lo, team.hi
+    copy(s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], by[0, lo:hi], by[1, lo:hi], by[2, lo:hi])
 
 
 @unit
 def end_drawing(g, team, substep, substeps, step):
     """Give a thread's vertices back what they were drawn too far into limbs, and note by what they have been drawn."""
+    s, by = g.state, g.drawn.by
     first, last = tiles(team.lo, team.hi)
     for tile in range(first, last):
-        start, end = tile * TILE, min(tile * TILE + TILE, team.hi)
+        lo, hi = tile * TILE, min(tile * TILE + TILE, team.hi)
+        farthest = find_ways(s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], by[0, lo:hi], by[1, lo:hi], by[2, lo:hi])
+        if farthest == 0.0:
+            continue
+        give_back(s, g.drawn, g.colliders, lo, hi)
         # A tile that sleeps may have come closer to something than its speed says.
-        if give_back(g.state, g.drawn, g.colliders, start, end) > GAIN * step:
+        if farthest > GAIN * step:
             alarm(g.colliders, tile, substep)
+
+
+@kernel
+def copy(x, y, z, px, py, pz):
+    """Copy points."""
+    for i in range(x.size):
+        px[i], py[i], pz[i] = x[i], y[i], z[i]
+
+
+@kernel
+def find_ways(x, y, z, px, py, pz):
+    """Replace places p by the ways from there to points [m]; returns the longest."""
+    farthest = np.int64(0)
+    for i in range(x.size):
+        dx, dy, dz = x[i] - px[i], y[i] - py[i], z[i] - pz[i]
+        px[i], py[i], pz[i] = dx, dy, dz
+        farthest = max(farthest, to_order(dx * dx + dy * dy + dz * dz))
+    return math.sqrt(from_order(farthest))
 
 
 @routine
 def give_back(s, drawn, colliders, start, end):
-    """The same for vertices start to end; tells how far they have been drawn at most [m]."""
-    by, normal, farthest = drawn.by, drawn.normal, 0.0
+    """Give those of vertices start to end that contact has stopped back what they were drawn too far along the normal.
+
+    What two limbs pinch stays where it was along that.
+    """
+    by, normal = drawn.by, drawn.normal
     for i in range(start, end):
-        x, y, z = s.x[i] - by[0, i], s.y[i] - by[1, i], s.z[i] - by[2, i]
-        if x == 0.0 and y == 0.0 and z == 0.0:
-            by[0, i], by[1, i], by[2, i] = 0.0, 0.0, 0.0
+        if drawn.moment[i] != colliders.clock[MOMENT]:
             continue
-        if drawn.moment[i] == colliders.clock[MOMENT]:
-            nx, ny, nz = normal[0, i], normal[1, i], normal[2, i]
-            along = x * nx + y * ny + z * nz
-            back = along if colliders.pinched[i] else min(along + drawn.room[i], 0.0)
-            if back != 0.0:
-                x, y, z = x - back * nx, y - back * ny, z - back * nz
-                s.x[i], s.y[i], s.z[i] = by[0, i] + x, by[1, i] + y, by[2, i] + z
-        by[0, i], by[1, i], by[2, i] = x, y, z
-        farthest = max(farthest, x * x + y * y + z * z)
-    return math.sqrt(farthest)
+        nx, ny, nz = normal[0, i], normal[1, i], normal[2, i]
+        along = by[0, i] * nx + by[1, i] * ny + by[2, i] * nz
+        back = along if colliders.pinched[i] else min(along + drawn.room[i], 0.0)
+        if back != 0.0:
+            s.x[i] -= back * nx
+            s.y[i] -= back * ny
+            s.z[i] -= back * nz
+            by[0, i] -= back * nx
+            by[1, i] -= back * ny
+            by[2, i] -= back * nz
