@@ -16,6 +16,7 @@ from cape.kernels.cloth.measure import is_strained, whereabouts
 from cape.kernels.solve.journal import Journal
 from cape.kernels.state import State
 from cape.kernels.store import Request
+from cape.run.long_threads import LongThreads
 from cape.scene.jumps import rigid_motion
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene, require_held_once
@@ -34,7 +35,6 @@ FARTHEST_LEAP = 1e6  # m from the cloth's own origin; the same
 FARTHEST = 1.0  # m from the cloth's middle to the origin that its positions refer to
 WILD = 60.0  # m/s: faster than cloth gets on a body, and a sign that strained springs are too stiff for the step
 PARTED = 0.1  # of the way from the middle of all held points to the farthest: beyond it, bones pose otherwise
-OVERDRAWN = 0.01  # strain beyond their limit, that sweeps over threads leave where a step is too long
 STRAINED = 0.2  # from which on springs resist across their direction, too, as much as matters for the step
 
 
@@ -177,24 +177,14 @@ class Hanging:
         self._running = self._solver.init(self.assembly, self.state)
         self._sound = Bound(whereabouts, *self.state, FARTHEST_LEAP, FASTEST)
         self._slow = Bound(whereabouts, *self.state, FARTHEST_LEAP, WILD)
-        self._overdrawn = self._bound_of_threads()
+        self._long_threads = LongThreads(self.assembly, self.state)
         ends = (np.ascontiguousarray(each) for each in (springs.first, springs.second))
         self._strain = Bound(is_strained, *self.state[:3], *ends, np.ascontiguousarray(springs.rest), STRAINED)
 
-    def _bound_of_threads(self) -> Bound | None:
-        """What tells whether a thread that is not held at both ends is beyond its limit; None where there is none."""
-        springs, free, fabric = self.assembly.springs, self.assembly.free, self.assembly.cloth.fabric
-        if not self.assembly.scene.strain_limit:
-            return None
-        chosen = springs.measured & (free[springs.first] | free[springs.second])
-        most = float(max(fabric.limit_warp, fabric.limit_weft) + OVERDRAWN)
-        threads = (springs.first[chosen], springs.second[chosen], springs.rest[chosen])
-        return Bound(is_strained, *self.state[:3], *threads, most)
-
     @property
     def overdrawn(self) -> bool:
-        """Whether any thread is longer than a limit of strain lets it be where steps are short enough."""
-        return self._overdrawn is not None and bool(self._overdrawn())
+        """Whether a limit of strain has left threads too long that shorter steps may shorten."""
+        return self._long_threads.found()
 
     def requests(self, *, keeps_journal: bool = False) -> list[Request]:
         """The code that a run needs, to be compiled together with other code."""
