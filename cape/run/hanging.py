@@ -16,7 +16,7 @@ from cape.kernels.cloth.measure import is_strained, whereabouts
 from cape.kernels.solve.journal import Journal
 from cape.kernels.state import State
 from cape.kernels.store import Request
-from cape.run.long_threads import LongThreads
+from cape.run.threads import Threads
 from cape.scene.jumps import rigid_motion
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene, require_held_once
@@ -40,12 +40,13 @@ STRAINED = 0.2  # from which on springs resist across their direction, too, as m
 
 class Moment(NamedTuple):
     """The state at some time, and what was known then: how the cloth touches itself, which vertices two colliders
-    pinch, by how far threads have drawn them, where it is, if it is strained."""
+    pinch, by how far threads have drawn them and if they are limited, where it is, if it is strained."""
 
     state: tuple[NDArray[np.floating], ...]
     layers: self_contact.Kept | None
     pinched: NDArray[np.bool_]
     drawn: FloatArray
+    limited: bool
     center: FloatArray
     strained: bool
 
@@ -88,6 +89,7 @@ class Hanging:
         strained: whether springs are so long that steps must be shorter.
         keeps_journal: whether it is noted what substeps do.
         journal: of the last frame that was noted.
+        threads: what a limit of strain does to them, from frame to frame.
     """
 
     def __init__(self, scene: Scene, solver: Solver, pose: Pose, *, threads: int) -> None:
@@ -177,14 +179,9 @@ class Hanging:
         self._running = self._solver.init(self.assembly, self.state)
         self._sound = Bound(whereabouts, *self.state, FARTHEST_LEAP, FASTEST)
         self._slow = Bound(whereabouts, *self.state, FARTHEST_LEAP, WILD)
-        self._long_threads = LongThreads(self.assembly, self.state)
+        self.threads = Threads(self.assembly, self.state, self._running.longest)
         ends = (np.ascontiguousarray(each) for each in (springs.first, springs.second))
         self._strain = Bound(is_strained, *self.state[:3], *ends, np.ascontiguousarray(springs.rest), STRAINED)
-
-    @property
-    def overdrawn(self) -> bool:
-        """Whether a limit of strain has left threads too long that shorter steps may shorten."""
-        return self._long_threads.found()
 
     def requests(self, *, keeps_journal: bool = False) -> list[Request]:
         """The code that a run needs, to be compiled together with other code."""
@@ -397,8 +394,8 @@ class Hanging:
         """A copy of what a frame changes."""
         known = self.assembly.layers
         kept = None if known is None else self_contact.keep(known)
-        pinched, drawn = self._pinched.copy(), self._running.drawn.by.copy()
-        return Moment(tuple(c.copy() for c in self.state), kept, pinched, drawn, self._center, self.strained)
+        state, pinched, drawn = tuple(c.copy() for c in self.state), self._pinched.copy(), self._running.drawn.by.copy()
+        return Moment(state, kept, pinched, drawn, self.threads.limited, self._center, self.strained)
 
     def restore(self, before: Moment) -> None:
         """Put a moment back."""
@@ -407,6 +404,7 @@ class Hanging:
         self._center, self.strained = before.center, before.strained
         self._pinched[:] = before.pinched
         self._running.drawn.by[:] = before.drawn
+        self.threads.limited = before.limited
         if self.assembly.layers is not None and before.layers is not None:
             self_contact.put_back(self.assembly.layers, before.layers)
 
