@@ -3,8 +3,8 @@
 A limit of strain has the last word in a step: threads stay short, and what is taut around a limb is drawn into the
 thickness that contact keeps free around that. Not beyond: of what it is drawn in by along the normal at which contact
 has stopped it, a vertex gets back all but a share of the thickness, and in the next step contact gives it all of the
-rest. So a limb is never pulled through the cloth, however the two disagree. What two limbs pinch is not drawn out of
-the middle between them at all.
+rest. A quarter is what a thread needs less than a cell of cloth's middle does, to be held off a round limb by its ends
+(`garments.collared`): so no step draws a limb through. What two limbs pinch stays in the middle between them.
 """
 
 import math
