@@ -8,7 +8,7 @@ from cape.scene.poses import poses_of
 from motions import quaternions
 from skeleton import BoneTrack, Capsule
 from skeleton.solid_measures import signed_distance
-from tests.support.stunts import FPS, PARTED, STUNTS, stunt
+from tests.contact.stunts import FPS, PARTED, STUNTS, stunt
 
 SPACING = 0.08  # m: coarse, for the time it takes
 MOST_STRAIN = 0.15
