@@ -16,7 +16,7 @@ from cape.kernels.cloth.measure import is_strained, whereabouts
 from cape.kernels.solve.journal import Journal
 from cape.kernels.state import State
 from cape.kernels.store import Request
-from cape.run.threads import Threads
+from cape.run.strain_limit import StrainLimit
 from cape.scene.jumps import rigid_motion
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene, require_held_once
@@ -89,7 +89,7 @@ class Hanging:
         strained: whether springs are so long that steps must be shorter.
         keeps_journal: whether it is noted what substeps do.
         journal: of the last frame that was noted.
-        threads: what a limit of strain does to them, from frame to frame.
+        limit: of the strain of its threads, from frame to frame.
     """
 
     def __init__(self, scene: Scene, solver: Solver, pose: Pose, *, threads: int) -> None:
@@ -179,7 +179,7 @@ class Hanging:
         self._running = self._solver.init(self.assembly, self.state)
         self._sound = Bound(whereabouts, *self.state, FARTHEST_LEAP, FASTEST)
         self._slow = Bound(whereabouts, *self.state, FARTHEST_LEAP, WILD)
-        self.threads = Threads(self.assembly, self.state, self._running.longest)
+        self.limit = StrainLimit(self.assembly, self.state, self._running.longest)
         ends = (np.ascontiguousarray(each) for each in (springs.first, springs.second))
         self._strain = Bound(is_strained, *self.state[:3], *ends, np.ascontiguousarray(springs.rest), STRAINED)
 
@@ -276,7 +276,7 @@ class Hanging:
         for component, values in zip(self.state, self.assembly.inwards(place.state).T, strict=True):
             component[:] = values
         self._pinched[:] = False
-        self._running.drawn.by[:] = 0.0
+        self._running.drawn.by[:], self.limit.acts = 0.0, True
         self._hold_again(place.hold)
         self.look()
 
@@ -395,7 +395,7 @@ class Hanging:
         known = self.assembly.layers
         kept = None if known is None else self_contact.keep(known)
         state, pinched, drawn = tuple(c.copy() for c in self.state), self._pinched.copy(), self._running.drawn.by.copy()
-        return Moment(state, kept, pinched, drawn, self.threads.limited, self._center, self.strained)
+        return Moment(state, kept, pinched, drawn, self.limit.acts, self._center, self.strained)
 
     def restore(self, before: Moment) -> None:
         """Put a moment back."""
@@ -404,7 +404,7 @@ class Hanging:
         self._center, self.strained = before.center, before.strained
         self._pinched[:] = before.pinched
         self._running.drawn.by[:] = before.drawn
-        self.threads.limited = before.limited
+        self.limit.acts = before.limited
         if self.assembly.layers is not None and before.layers is not None:
             self_contact.put_back(self.assembly.layers, before.layers)
 

@@ -323,17 +323,17 @@ class Simulation:
                 cloth.restore(before)
                 substeps, refined = needed, True
                 unconverged, sound = cloth.complete(motion, dt, substeps, before)
-            if sound and cloth.threads.torn():
+            if sound and cloth.limit.torn():
                 # No limit can be kept: threads are to share out by their stiffness what limbs draw them to.
                 cloth.restore(before)
-                cloth.threads.limited = False
+                cloth.limit.acts = False
                 unconverged, sound = cloth.complete(motion, dt, substeps, before)
             patience = WHIRL_RETRIES if cloth.whirls() else CONVERGENCE_RETRIES if unconverged else 0
             if sound and attempt >= patience:
                 self.retried += exploded
                 self.refined += refined and unconverged == 0
                 self.unconverged += unconverged > 0
-                cloth.threads.rest()
+                cloth.limit.rest()
                 cloth.note_lift(dt)
                 return
             exploded, refined = exploded or not sound, refined or sound
@@ -348,7 +348,7 @@ class Simulation:
         if self.solver.substeps is not None:
             return substeps
         needed = math.ceil(substeps * min(cloth.haste, MOST_HASTE))
-        if cloth.threads.too_long():
+        if cloth.limit.too_long():
             needed = max(needed, DRAWING * substeps)
         if cloth.strained:
             needed = max(needed, cloth.choose_substeps(dt, strained=True))

@@ -16,7 +16,7 @@ from cape.kernels.contact.shapes import MOMENT
 from cape.kernels.contact.watch import GAIN, NEVER
 from cape.kernels.state import State
 from cape.kernels.team import Team
-from cape.run.threads import LEFT, Threads
+from cape.run.strain_limit import LEFT, StrainLimit
 from skeleton.shapes import Plane
 from tests.support.scenes import grid_cloth
 from tests.support.shapes import moving, record, touching
@@ -135,18 +135,18 @@ def test_long_threads_are_those_that_shorter_steps_may_shorten():
     scene = Scene(cloth, [attach(cloth, "hand", [0, 1])], [limb], strain_limit=True)
     assembly = assemble(scene, [np.array([0, 1])])
     state = State.at_rest(cloth.positions, np.float64)
-    threads = Threads(assembly, state, np.ones((2, 9)))
-    assert not threads.too_long()
+    limit = StrainLimit(assembly, state, np.ones((2, 9)))
+    assert not limit.too_long()
     most = 0.1 * (1.04 + LEFT)
     state.x[1] = state.x[0] + 1.01 * most  # held at both ends, beside a shorter one
-    assert not threads.too_long()
+    assert not limit.too_long()
     state.x[1] = cloth.positions[1, 0]
     state.z[8] = state.z[5] - 1.01 * most
-    assert threads.too_long()
+    assert limit.too_long()
     state.z[8] = state.z[5] - 0.99 * most
-    assert not threads.too_long()
+    assert not limit.too_long()
     state.z[8] = state.z[5] - 1.01 * most
     colliders = assembly.contacts.colliders
     assert colliders is not None
     colliders.pinched[5] = True
-    assert not threads.too_long()
+    assert not limit.too_long()

@@ -12,7 +12,7 @@ LEFT = 0.01  # strain beyond their limit that sweeps over threads may leave
 TORN = 0.1  # strain beyond their limit at which a few threads bear what others are not let to
 
 
-class Threads:
+class StrainLimit:
     """The threads of a cloth at a state, which may change in place; those that are held at both ends don't count."""
 
     def __init__(self, assembly: Assembly, state: State, longest: NDArray[np.floating] | None) -> None:
@@ -26,23 +26,23 @@ class Threads:
         self._most = float(max(fabric.limit_warp, fabric.limit_weft)) + LEFT
         self._state, self._colliders = state, assembly.contacts.colliders
         self._longest, self._usual = longest, None if longest is None else longest.copy()
-        self._limited = longest is not None
+        self._acts = longest is not None
         self._any = Bound(is_strained, *state[:3], self._first, self._second, self._rest, self._most)
 
     @property
-    def limited(self) -> bool:
+    def acts(self) -> bool:
         """Whether steps hold threads short; where they may and don't, threads are left to their stiffness."""
-        return self._limited
+        return self._acts
 
-    @limited.setter
-    def limited(self, limited: bool) -> None:
-        if self._longest is not None and self._usual is not None and limited != self._limited:
-            self._longest[:] = self._usual if limited else np.inf
-            self._limited = limited
+    @acts.setter
+    def acts(self, acts: bool) -> None:
+        if self._longest is not None and self._usual is not None and acts != self._acts:
+            self._longest[:] = self._usual if acts else np.inf
+            self._acts = acts
 
     def too_long(self) -> bool:
         """Tell whether the limit has left threads too long that shorter steps may shorten: that no two limbs pinch."""
-        if not self._limited or not self._any():
+        if not self._acts or not self._any():
             return False
         if self._colliders is None:
             return True
@@ -51,12 +51,12 @@ class Threads:
 
     def torn(self) -> bool:
         """Tell whether some bear far more than the limit, as where limbs draw out more than all together may give."""
-        return self._limited and bool(self._any()) and bool(self._strains().max() > self._most + TORN)
+        return self._acts and bool(self._any()) and bool(self._strains().max() > self._most + TORN)
 
     def rest(self) -> None:
         """Limit threads again, once their stiffness alone has brought them back to what they may bear."""
-        if not self._limited and not self._any():
-            self.limited = True
+        if not self._acts and not self._any():
+            self.acts = True
 
     def _strains(self) -> NDArray[np.float64]:
         places = np.stack(self._state[:3], axis=1).astype(float)
