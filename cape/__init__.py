@@ -13,6 +13,7 @@ from cape.run.simulate import SlowWarning, simulate
 from cape.run.simulation import Diverged, Simulation
 from cape.scene.attachments import Attachment, attach
 from cape.scene.colliders import Box, Collider, Cylinder, Ellipsoid, Plane, Sphere, TaperedCapsule
+from cape.scene.confinement import Confinement, confine
 from cape.scene.dress import dress
 from cape.scene.jumps import Cuts
 from cape.scene.poses import Pose
@@ -41,6 +42,7 @@ __all__ = [
     "Capsule",
     "Cloth",
     "Collider",
+    "Confinement",
     "Cuts",
     "Cylinder",
     "Diverged",
@@ -65,6 +67,7 @@ __all__ = [
     "UserError",
     "Wind",
     "attach",
+    "confine",
     "dress",
     "fabric",
     "simulate",

@@ -135,9 +135,7 @@ class _Held:
         first = putting_on.dressing_pose(scene, poses[0])
         start = putting_on.placed(scene, first)
         held = [putting_on.held_by(scene, attachment, first, start) for attachment in scene.attachments]
-        hard = [
-            (attachment, own) for attachment, own in zip(scene.attachments, held, strict=True) if not attachment.soft
-        ]
+        hard = [(attachment, own) for attachment, own in zip(scene.attachments, held, strict=True) if attachment.hard]
         vertices = np.concatenate([*(own for _, own in hard), np.empty(0, np.int64)])
         distances, nearest = geodesic_distances(scene.cloth, vertices)
         if (nearest < 0).any():

@@ -6,13 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.contact import Contacts, contacts_of, for_another_thread
-from cape.assembly.geodesics import geodesic_distances
+from cape.assembly.holding import attached_of, by_kind, confined_of, pull_of, rails_of, tethers_of, ties_of
 from cape.assembly.springs import Springs, springs_of
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.kernels.bones import MotionRoom
 from cape.kernels.cloth.grid import MOST_COLUMNS, GridRoom, grid_room
 from cape.kernels.self_contact.self_contact import Layers
-from cape.kernels.solve.attachments import Attached, Blend
+from cape.kernels.solve.attachments import Attached
+from cape.kernels.solve.confine import Confined
+from cape.kernels.solve.lift import Ties
+from cape.kernels.solve.slide import Rails
 from cape.kernels.solve.soft import Pull
 from cape.kernels.solve.tethers import Tethers
 from cape.kernels.state import Inertia
@@ -44,7 +47,10 @@ class Assembly:
         inverse_mass: [1/kg], shape (N,), zero for attached vertices.
         free: False for attached vertices, shape (N,).
         attached: what bones hold hard; its points change while the cloth is put on. None for nothing.
+        ties: threads between that, which keep it together where it is led out of colliders; None for nothing.
         pull: what they hold by springs, in the same way; None for nothing.
+        rails: curves along which vertices slide, in the same way; None for nothing.
+        confined: what may not get far from where bones would carry it; None for nothing.
         tethers: from what bones hold hard to all that hangs on it; None for none.
         wind: velocity of the air [m/s], shape (3,), in place: it changes while the cloth is put on.
         ranks: for each thread of a run.
@@ -58,7 +64,10 @@ class Assembly:
     inverse_mass: FloatArray
     free: NDArray[np.bool_]
     attached: Attached | None
+    ties: Ties | None
     pull: Pull | None
+    rails: Rails | None
+    confined: Confined | None
     tethers: Tethers | None
     wind: FloatArray
     ranks: tuple[Rank, ...]
@@ -70,18 +79,30 @@ class Assembly:
 
     @property
     def carried(self) -> tuple[Attached, ...]:
-        """All that bones carry along: what they hold hard, what springs hold."""
+        """All that bones carry along: what they hold hard, what springs hold, what slides."""
+        return tuple(attached for attached in self._by_kind if attached is not None)
+
+    @property
+    def _by_kind(self) -> tuple[Attached | None, Attached | None, Attached | None]:
         pulled = None if self.pull is None else self.pull.attached
-        return tuple(attached for attached in (self.attached, pulled) if attached is not None)
+        return self.attached, pulled, None if self.rails is None else self.rails.attached
+
+    @property
+    def loose(self) -> NDArray[np.bool_]:
+        """Which vertices no bone holds hard or on a curve, shape (N,): those that colliders keep out."""
+        loose = self.free.copy()
+        if self.rails is not None:
+            loose[self.rails.attached.vertices] = False
+        return loose
 
     def carried_with(
         self, held: list[NDArray[np.int64]]
     ) -> list[tuple[Attached, list[tuple[Attachment, NDArray[np.int64]]]]]:
         """The same, each with its attachments and the vertices of the scene that these hold, given those of all."""
         pairs = list(zip(self.scene.attachments, held, strict=True))
-        hard, soft = ([pair for pair in pairs if pair[0].soft == kind] for kind in (False, True))
-        pulled = None if self.pull is None else self.pull.attached
-        return [(attached, own) for attached, own in ((self.attached, hard), (pulled, soft)) if attached is not None]
+        return [
+            (attached, own) for attached, own in zip(self._by_kind, by_kind(pairs), strict=True) if attached is not None
+        ]
 
     @property
     def layers(self) -> Layers | None:
@@ -121,21 +142,27 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
     holds = list(zip(scene.attachments, vertices, places, strict=True))
     mass = cloth.masses()
     free = np.ones(cloth.vertices, dtype=bool)
+    loose = free.copy()
     for attachment, _, indices in holds:
-        free[indices] &= attachment.soft
-    contacts = contacts_of(scene, cloth, free)
-    attached = _attached(scene, [hold for hold in holds if not hold[0].soft])
+        free[indices] = not attachment.hard
+        loose[indices] = attachment.soft
+    contacts = contacts_of(scene, cloth, loose)
+    hard, soft, sliding = by_kind(holds)
+    attached, springs = attached_of(scene, hard), springs_of(cloth)
     return Assembly(
         scene=scene,
         cloth=cloth,
         order=order,
-        springs=springs_of(cloth),
+        springs=springs,
         mass=mass,
         inverse_mass=np.where(free, 1.0 / mass, 0.0),
         free=free,
         attached=attached,
-        pull=_pull(scene, [hold for hold in holds if hold[0].soft], mass),
-        tethers=_tethers(scene, cloth, attached),
+        ties=None if attached is None else ties_of(cloth, springs, attached),
+        pull=pull_of(scene, soft, mass),
+        rails=rails_of(scene, sliding),
+        confined=confined_of(scene, cloth, vertices, np.arange(cloth.vertices) if order is None else np.argsort(order)),
+        tethers=tethers_of(scene, cloth, attached),
         wind=np.array((0.0, 0.0, 0.0) if scene.wind is None else scene.wind.velocity, dtype=float),
         ranks=tuple(
             Rank(for_another_thread(contacts) if rank else contacts, MotionRoom.blank(len(scene.bones) + 1))
@@ -178,54 +205,3 @@ def force_scratch(assembly: Assembly, dtype: type[np.floating]) -> tuple[GridRoo
     if not 2 <= cloth.columns <= MOST_COLUMNS:
         raise ValueRangeError(f"a grid of cloth has 2 to {MOST_COLUMNS} columns, not {cloth.columns}")
     return tuple(grid_room(dtype) for _ in assembly.ranks)
-
-
-Hold = tuple[Attachment, NDArray[np.int64], NDArray[np.int64]]
-"""An attachment, the vertices of the scene that it holds, and the same as the assembly numbers them, (n,) each."""
-
-
-def _attached(scene: Scene, holds: list[Hold]) -> Attached | None:
-    indices = np.concatenate([np.empty(0, np.int64), *(place for _, _, place in holds)])
-    if not len(indices):
-        return None
-    lift, drift = (np.zeros((len(indices), 3)) for _ in range(2))
-    if all(attachment.weights is None for attachment, _, _ in holds):
-        bones = np.concatenate([np.full(len(place), scene.bones.index(a.bone)) for a, _, place in holds])
-        return Attached(indices, bones, np.zeros((len(indices), 3)), lift, drift)
-    weights = np.zeros((len(indices), len(scene.bones)))
-    first = 0
-    for attachment, vertices, _ in holds:
-        own = np.ones((len(vertices), 1))
-        if attachment.weights is not None:
-            own = attachment.of(attachment.weights, vertices)
-        rows = slice(first, first + len(vertices))
-        weights[rows, [scene.bones.index(bone) for bone in attachment.bones]] = own
-        first += len(vertices)
-    heavy = np.argsort(-weights, axis=1, kind="stable")
-    weights = np.take_along_axis(weights, heavy, axis=1)
-    starts = np.concatenate([[0], np.cumsum((weights > 0.0).sum(axis=1))])
-    bones = heavy[weights > 0.0]
-    return Attached(indices, bones, np.zeros((len(bones), 3)), lift, drift, Blend(starts, weights[weights > 0.0]))
-
-
-def _pull(scene: Scene, holds: list[Hold], mass: FloatArray) -> Pull | None:
-    attached = _attached(scene, holds)
-    if attached is None:
-        return None
-    stiffness, damping = [], []
-    for attachment, vertices, place in holds:
-        assert attachment.stiffness is not None
-        own = attachment.of(attachment.stiffness, vertices)
-        critical = 2.0 * np.sqrt(own * mass[place])
-        stiffness.append(own)
-        damping.append(critical if attachment.damping is None else attachment.of(attachment.damping, vertices))
-    goals, speeds = (np.zeros((3, len(attached.vertices))) for _ in range(2))
-    return Pull(attached, np.concatenate(stiffness), np.concatenate(damping), goals, speeds)
-
-
-def _tethers(scene: Scene, cloth: Cloth, attached: Attached | None) -> Tethers | None:
-    if scene.tethers is None or attached is None:
-        return None
-    distances, nearest = geodesic_distances(cloth, attached.vertices)
-    nearest[attached.vertices] = -1
-    return Tethers(nearest, (1.0 + scene.tethers.slack) * distances)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.cloth.normals import vertex_normals
 from cape.kernels.solve.attachments import Attached
 from cape.scene.attachments import Attachment
 from cape.scene.colliders import Collider
@@ -125,6 +126,21 @@ def hold_points(
     return worn, worn if scene.cloth.frame == "world" else spread
 
 
+def normals_in_bones(
+    scene: Scene,
+    attached: Attached,
+    held: list[tuple[Attachment, IntArray]],
+    pose: Pose,
+    positions: FloatArray,
+) -> FloatArray:
+    """The cloth's normals where it is worn, in the frames of bones that carry vertices, (m, 3); see `hold_points`."""
+    worn = places_lifted(scene, pose, positions)
+    normals = vertex_normals(worn[None], scene.cloth.triangles)[0].astype(float)
+    normals = normals[np.concatenate([vertices for _, vertices in held])]
+    turn = quaternions.conjugate(pose.rotations_wxyz[attached.bones])
+    return quaternions.rotate(turn, _by_bone(attached, normals))
+
+
 def from_bone(scene: Scene, attachment: Attachment, pose: Pose) -> FloatArray:
     """Where an attachment's points, which must be given, are in the world [m], shape (n, 3)."""
     assert attachment.points is not None
@@ -134,10 +150,13 @@ def from_bone(scene: Scene, attachment: Attachment, pose: Pose) -> FloatArray:
 
 def in_bones(attached: Attached, pose: Pose, points: FloatArray) -> FloatArray:
     """Points of the world [m], shape (n, 3), in the frames of the bones that hold n vertices, each of (m, 3)."""
-    if attached.blend is not None:
-        points = np.repeat(points, np.diff(attached.blend.starts), axis=0)
     turn = quaternions.conjugate(pose.rotations_wxyz[attached.bones])
-    return quaternions.rotate(turn, points - pose.positions[attached.bones])
+    return quaternions.rotate(turn, _by_bone(attached, points) - pose.positions[attached.bones])
+
+
+def _by_bone(attached: Attached, values: FloatArray) -> FloatArray:
+    """Rows of n vertices, shape (n, 3), once for each bone that holds them, shape (m, 3)."""
+    return values if attached.blend is None else np.repeat(values, np.diff(attached.blend.starts), axis=0)
 
 
 def heaviest(attached: Attached) -> IntArray:

@@ -14,17 +14,17 @@ What is left of a vertex's kinetic energy was done by something else:
 
     w = m (v1 - v0) . u - f . (x1 - x0) - h (d + a) . u
 
-Where a bone holds the vertex that is the work of its *attachment*, m (v1 - v0) / h - f - d - a being the force that
-holds it. Where springs hold it softly the bone works on them instead: -(s + ds) . (g1 - g0) along the way of what they
-are held at, with s as f and ds as d, less what their dampers dissipate.
+Where a bone holds the vertex, or a curve that it slides along, that is the work of its *attachment*, m (v1 - v0) / h -
+f - d - a being the force that holds it. Where springs hold it softly the bone works on them instead: -(s + ds) . (g1 -
+g0) along the way of what they are held at, with s as f and ds as d, less what their dampers dissipate.
 
 *Contact* by impulses, as a step notes it itself, takes a vertex from v' and x' to v1 and x1: it stops the vertex, rubs
-on it, and moves it out of a shape, or back to where its tether reaches, by p = x1 - x' - h (v1 - v') besides. Its work
-is m (v1 - v') . u - f . p, none on a vertex at rest, whatever presses it. A *limit* of strain, which is noted before
-contact, does such work likewise. Its impulses between vertices add up to nothing, so that what holds the cloth gave P =
-sum m (v' - v) to the free; P times the mean way of all that is held, over h, was therefore done by the attachments, and
-not by the limit. That is exact where all that is held moves alike. Where an implicit step finds contact forces along
-with all others the whole of w is contact's.
+on it, and moves it out of a shape, or back to where its tether reaches or it is confined to, by p = x1 - x' - h (v1 -
+v') besides. Its work is m (v1 - v') . u - f . p, none on a vertex at rest, whatever presses it. A *limit* of strain,
+which is noted before contact, does such work likewise. Its impulses between vertices add up to nothing, so that what
+holds the cloth gave P = sum m (v' - v) to the free; P times the mean way of all that is held, over h, was therefore
+done by the attachments, and not by the limit. That is exact where all that is held moves alike. Where an implicit step
+finds contact forces along with all others the whole of w is contact's.
 
 All that is left of the w of free vertices is *numerical*: what the method itself adds or loses. It vanishes with the
 step. With linear forces it is h/2 (f0 . v0 - f1 . v1) for symplectic Euler, where m (v1 - v0) = h f0 and
@@ -85,7 +85,7 @@ class Balance:
         elastic: energy of stretched and bent springs, and of those that hold the cloth softly.
         potential: energy of height, 0 at the origin of the world.
         attachments: work done on the cloth by the bones that hold it, also by springs.
-        contacts: work done on it by colliders, by its own layers on each other, and by tethers.
+        contacts: work done on it by colliders, by its own layers on each other, by tethers and confinements.
         air: work done on it by the air: drag, lift and viscosity, of either sign.
         damping: what the springs' damping has dissipated, also of those that hold the cloth softly.
         numerical: what the method of integration has added; below zero what it has dissipated.
@@ -201,9 +201,9 @@ class Ledger:
             some = slice(first, first + count)
             integrated, ended = (states[some].astype(float) for states in (journal.integrated, journal.ended))
             goals = None if journal.goals is None else journal.goals[first : first + len(ended) + 1]
-            limited = None if journal.limited is None else journal.limited[some].astype(float)
+            unlimited = None if journal.unlimited is None else journal.unlimited[some].astype(float)
             pressed = journal.pressed[some]
-            sums += self._work_of_steps(assembly, begin, integrated, limited, ended, pressed, goals, h)
+            sums += self._work_of_steps(assembly, begin, integrated, unlimited, ended, pressed, goals, h)
             begin = ended[-1]
         return sums
 
@@ -212,7 +212,7 @@ class Ledger:
         assembly: Assembly,
         begin: FloatArray,
         integrated: FloatArray,
-        limited: FloatArray | None,
+        unlimited: FloatArray | None,
         ended: FloatArray,
         pressed: NDArray[np.bool_],
         goals: FloatArray | None,
@@ -246,16 +246,21 @@ class Ledger:
         springs, dampers, way = _soft_hold(assembly, goals, 0.5 * (begun + ended))
         given_to_springs, dissipated = np.sum((springs + dampers) * way), np.sum(dampers * way) - damped.sum()
         attachments, kept = left[:, held].sum(), np.zeros_like(left)
-        touched = work_between(integrated if limited is None else limited, ended)
+        touched = work_between(integrated, ended if unlimited is None else unlimited)
         limit = 0.0
-        if limited is not None:
-            kept = work_between(integrated, limited)
+        if unlimited is not None:
+            kept = work_between(unlimited, ended)
             limit = kept.sum()
             if held.any():
-                given = (mass * (limited[:, 3:] - integrated[:, 3:]))[:, :, ~held].sum(axis=2)
+                given = (mass * (ended[:, 3:] - unlimited[:, 3:]))[:, :, ~held].sum(axis=2)
                 pulled = (given * moved[:, :, held].mean(axis=2)).sum() / h
                 attachments, limit = attachments + pulled, limit - pulled
-        touched = np.where(pressed & ~held, left - kept, touched).sum()
+        touched = np.where(pressed & ~held, left - kept, touched)
+        if assembly.rails is not None:
+            sliding = assembly.rails.attached.vertices
+            attachments += (left - kept)[:, sliding].sum()
+            touched[:, sliding] = 0.0
+        touched = touched.sum()
         if self._sweeps and held.any():
             weight = self._forces.weight
             given = integrated[:, 3:] - begun[:, 3:]

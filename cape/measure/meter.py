@@ -54,7 +54,7 @@ class Meter:
         springs = assembly.springs
         chosen = springs.measured
         self._first, self._second, self._rest = springs.first[chosen], springs.second[chosen], springs.rest[chosen]
-        self._colliders = contacts_of(self.scene, assembly.cloth, assembly.free).colliders
+        self._colliders = contacts_of(self.scene, assembly.cloth, assembly.loose).colliders
         self._linker = Linker()
         if self._colliders is not None:
             link_distances(self.scene, self._colliders, None, self._linker)
@@ -133,7 +133,7 @@ class Meter:
                 else Bound(
                     measure.touching,
                     measure.Touch(
-                        state, self._assembly.free, self._colliders, self._bones, *self._pose, *self._room.arrays
+                        state, self._assembly.loose, self._colliders, self._bones, *self._pose, *self._room.arrays
                     ),
                 ),
             )

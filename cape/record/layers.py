@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from cape.cloth.looks.look import Color, Look
 from cape.cloth.looks.registry import LOOKS
 from cape.cloth.looks.sewn import texture_of
+from cape.cloth.normals import vertex_normals
 from cape.record.frames import Frames, send_once
-from cape.record.surfaces.normals import vertex_normals
 from cape.record.surfaces.textures import albedo, plain
 from motions.errors import UnknownNameError
 from skeleton.track import BoneTrack

@@ -16,6 +16,7 @@ from cape.kernels.cloth.measure import is_strained, whereabouts
 from cape.kernels.solve.journal import Journal
 from cape.kernels.state import State
 from cape.kernels.store import Request
+from cape.run.strain_limit import StrainLimit
 from cape.scene.jumps import rigid_motion
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene, require_held_once
@@ -39,11 +40,13 @@ STRAINED = 0.2  # from which on springs resist across their direction, too, as m
 
 class Moment(NamedTuple):
     """The state at some time, and what was known then: how the cloth touches itself, which vertices two colliders
-    pinch, where it is, if it is strained."""
+    pinch, by how far threads have drawn them and if they are limited, where it is, if it is strained."""
 
     state: tuple[NDArray[np.floating], ...]
     layers: self_contact.Kept | None
     pinched: NDArray[np.bool_]
+    drawn: FloatArray
+    limited: bool
     center: FloatArray
     strained: bool
 
@@ -86,6 +89,7 @@ class Hanging:
         strained: whether springs are so long that steps must be shorter.
         keeps_journal: whether it is noted what substeps do.
         journal: of the last frame that was noted.
+        limit: of the strain of its threads, from frame to frame.
     """
 
     def __init__(self, scene: Scene, solver: Solver, pose: Pose, *, threads: int) -> None:
@@ -111,9 +115,21 @@ class Hanging:
             (attached, *putting_on.hold_points(scene, attached, own, self.pose, positions))
             for attached, own in self.assembly.carried_with(held)
         ]
+        self._animate(positions)
         self._center, self.strained = np.zeros(3), False
         self.keeps_journal = False
         self.journal: Journal | None = None
+
+    def _animate(self, positions: FloatArray) -> None:
+        """Have bones carry along, from where the cloth is put on (V, 3), where confined vertices are to be near."""
+        confined, scene = self.assembly.confined, self.assembly.scene
+        if confined is None:
+            return
+        animated = [(each.animated, each.animated.vertices) for each in scene.confinements]
+        self._ways.append(
+            (confined.animated, *putting_on.hold_points(scene, confined.animated, animated, self.pose, positions))
+        )
+        confined.normals[:] = putting_on.normals_in_bones(scene, confined.animated, animated, self.pose, positions)
 
     @property
     def positions(self) -> FloatArray:
@@ -163,7 +179,9 @@ class Hanging:
         self._running = self._solver.init(self.assembly, self.state)
         self._sound = Bound(whereabouts, *self.state, FARTHEST_LEAP, FASTEST)
         self._slow = Bound(whereabouts, *self.state, FARTHEST_LEAP, WILD)
-        self._strain = Bound(is_strained, *self.state[:3], springs.first, springs.second, springs.rest, STRAINED)
+        self.limit = StrainLimit(self.assembly, self.state, self._running.longest)
+        ends = (np.ascontiguousarray(each) for each in (springs.first, springs.second))
+        self._strain = Bound(is_strained, *self.state[:3], *ends, np.ascontiguousarray(springs.rest), STRAINED)
 
     def requests(self, *, keeps_journal: bool = False) -> list[Request]:
         """The code that a run needs, to be compiled together with other code."""
@@ -266,6 +284,7 @@ class Hanging:
         for component, values in zip(self.state, self.assembly.inwards(place.state).T, strict=True):
             component[:] = values
         self._pinched[:] = False
+        self._running.drawn.by[:], self.limit.acts = 0.0, True
         self._hold_again(place.hold)
         self.look()
 
@@ -300,6 +319,7 @@ class Hanging:
                 carried = before[: len(attached.vertices)] @ rotation.T + shift - moved
                 putting_on.lift_to(attached, pose, carried)
         self.pose = pose
+        self._running.drawn.by[:] = 0.0
         self._aim()
         self.look()
 
@@ -356,10 +376,10 @@ class Hanging:
     def _blank_journal(self, substeps: int) -> Journal:
         count, dtype = self.state.x.size, self.state.x.dtype
         integrated, ended = np.empty((2, substeps, 6, count), dtype)
-        limited = np.empty_like(ended) if self.assembly.scene.strain_limit else None
+        unlimited = np.empty_like(ended) if self.assembly.scene.strain_limit else None
         pull = self.assembly.pull
         goals = None if pull is None else np.empty((substeps + 1, 6, pull.stiffness.size))
-        return Journal(integrated, limited, ended, np.empty((substeps, count), np.bool_), goals)
+        return Journal(integrated, unlimited, ended, np.empty((substeps, count), np.bool_), goals)
 
     def note_lift(self, duration: float) -> None:
         """Note how far what bones hold has drifted out of colliders in a frame of `duration` [s]."""
@@ -397,7 +417,8 @@ class Hanging:
         """A copy of what a frame changes."""
         known = self.assembly.layers
         kept = None if known is None else self_contact.keep(known)
-        return Moment(tuple(c.copy() for c in self.state), kept, self._pinched.copy(), self._center, self.strained)
+        state, pinched, drawn = tuple(c.copy() for c in self.state), self._pinched.copy(), self._running.drawn.by.copy()
+        return Moment(state, kept, pinched, drawn, self.limit.acts, self._center, self.strained)
 
     def restore(self, before: Moment) -> None:
         """Put a moment back."""
@@ -405,6 +426,8 @@ class Hanging:
             component[:] = kept
         self._center, self.strained = before.center, before.strained
         self._pinched[:] = before.pinched
+        self._running.drawn.by[:] = before.drawn
+        self.limit.acts = before.limited
         if self.assembly.layers is not None and before.layers is not None:
             self_contact.put_back(self.assembly.layers, before.layers)
 

@@ -34,7 +34,8 @@ def _on_steps(simulation: Simulation) -> list[str]:
         notes.append(f"{simulation.retried} frames needed a smaller step than estimated")
     if simulation.refined:
         notes.append(
-            f"{simulation.refined} frames were taken in shorter steps: they would not converge, or parts whirled"
+            f"{simulation.refined} frames were taken in shorter steps: they would not converge, parts whirled, or limbs"
+            " drew threads too far"
         )
     if simulation.unconverged:
         notes.append(

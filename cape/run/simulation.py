@@ -30,6 +30,7 @@ RETRIES = 4  # each at half the step or less
 CONVERGENCE_RETRIES = 2  # after which a step that did not converge is kept, and counted
 WHIRL_RETRIES = 3  # after which one that whirls is kept
 MOST_THREADS = 1024
+DRAWING = 6  # times as many steps as usual, that are taken where a limit of strain is not kept
 MOST_HASTE = 8.0  # times as many steps as usual, that are taken for thin colliders that come by fast
 FORECAST_SUBSTEPS = 50
 DEFAULT_CUTS = Cuts()
@@ -48,7 +49,7 @@ class Simulation:
         substeps: steps of the last frame, as chosen first.
         retried: frames since the start that exploded and were done again in shorter steps.
         refined: frames that were taken in shorter steps, as the longer ones did not converge, made parts whirl,
-            strained springs too far, or let thin colliders come by too far.
+            strained springs or threads too far, or let thin colliders come by too far.
         unconverged: frames that did not converge in shorter steps either.
         cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
         jumps: frames in which the bones have jumped.
@@ -361,11 +362,17 @@ class Simulation:
                 cloth.restore(before)
                 substeps, refined = needed, True
                 unconverged, sound = cloth.complete(motion, dt, substeps, before)
+            if sound and cloth.limit.torn():
+                # No limit can be kept: threads are to share out by their stiffness what limbs draw them to.
+                cloth.restore(before)
+                cloth.limit.acts = False
+                unconverged, sound = cloth.complete(motion, dt, substeps, before)
             patience = WHIRL_RETRIES if cloth.whirls() else CONVERGENCE_RETRIES if unconverged else 0
             if sound and attempt >= patience:
                 self.retried += exploded
                 self.refined += refined and unconverged == 0
                 self.unconverged += unconverged > 0
+                cloth.limit.rest()
                 cloth.note_lift(dt)
                 return
             exploded, refined = exploded or not sound, refined or sound
@@ -380,6 +387,8 @@ class Simulation:
         if self.solver.substeps is not None:
             return substeps
         needed = math.ceil(substeps * min(cloth.haste, MOST_HASTE))
+        if cloth.limit.too_long():
+            needed = max(needed, DRAWING * substeps)
         if cloth.strained:
             needed = max(needed, cloth.choose_substeps(dt, strained=True))
         return needed

@@ -1,4 +1,4 @@
-"""What holds a cloth: vertices that move with a bone, or with several."""
+"""What holds a cloth: vertices that move with a bone, or with several, or slide along a curve that a bone carries."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -39,6 +39,10 @@ class Attachment:
         damping: against the velocity of that place [N s/m], shape (n,); None for that which is critical for the vertex
             alone, 2 (k m)^1/2.
         cloth_vertices: how many vertices the cloth has that these belong to; None for any.
+        along: points of a curve in the bone's frame [m], shape (m, 3), that the vertices slide along, like rings on a
+            rail: free along it, as far as its ends, held across. It goes through the points, round where it bends by
+            less than 30 degrees at one, with a corner where by more; closed if its last point is its first. None to
+            hold them at a place.
     """
 
     bone: str
@@ -50,6 +54,7 @@ class Attachment:
     stiffness: FloatArray | None = field(default=None, kw_only=True)
     damping: FloatArray | None = field(default=None, kw_only=True)
     cloth_vertices: int | None = field(default=None, kw_only=True)
+    along: FloatArray | None = field(default=None, kw_only=True)
 
     @property
     def bones(self) -> tuple[str, ...]:
@@ -60,6 +65,16 @@ class Attachment:
     def soft(self) -> bool:
         """Whether springs hold the vertices, which stay free."""
         return self.stiffness is not None
+
+    @property
+    def sliding(self) -> bool:
+        """Whether the vertices slide along a curve."""
+        return self.along is not None
+
+    @property
+    def hard(self) -> bool:
+        """Whether the vertices are right where bones carry them."""
+        return not self.soft and not self.sliding
 
     def of(self, values: FloatArray, vertices: NDArray[np.int64]) -> FloatArray:
         """Those rows of values (n, ...) that belong to some of the vertices, in the same order."""
@@ -76,6 +91,7 @@ def attach(
     weights: ArrayLike | None = None,
     stiffness: ArrayLike | None = None,
     damping: ArrayLike | None = None,
+    along: ArrayLike | None = None,
 ) -> Attachment:
     """Attach vertices of a cloth to a bone, or to several.
 
@@ -91,12 +107,15 @@ def attach(
             scaled to a sum of 1.
         stiffness: of springs that hold the vertices softly [N/m], one or for each (n,); None to hold them hard.
         damping: of those springs [N s/m], one or for each (n,); None for critical damping of the vertex alone.
+        along: points of a curve in the bone's frame [m], shape (m, 3), that the vertices slide along; None to hold them
+            at a place. Vertices that are put on beside it come to it, at 3 m/s at most.
 
     Raises:
         UnknownNameError: the cloth has no such region.
         ValueRangeError: an index is outside of the cloth, points and vertices differ in number, nothing is selected, or
             weights are negative, all zero for some vertex, or not as many as bones and vertices; a stiffness is not
-            positive, or a damping negative or without stiffness.
+            positive, or a damping negative or without stiffness; a curve has fewer than two points or two alike in a
+            row, or is given together with points, springs or several bones.
     """
     names, given = _bones_and_weights(bone, weights)
     label = " and ".join(repr(name) for name in names)
@@ -113,12 +132,31 @@ def attach(
     shares = None if given is None else _shares(given, len(chosen), label)
     if damping is not None and stiffness is None:
         raise ValueRangeError(f"attach to {label}: damping belongs to a stiffness; what is held hard has none")
+    if along is not None and (shares is not None or stiffness is not None or points is not None):
+        raise ValueRangeError(
+            f"attach to {label}: vertices slide along a curve of one bone, without springs and without points"
+        )
     return Attachment(
         names[0], chosen, held, within, others=names[1:], weights=shares,
         stiffness=_each(stiffness, "stiffness", len(chosen), label),
         damping=_each(damping, "damping", len(chosen), label),
         cloth_vertices=cloth.vertices,
+        along=None if along is None else _curve(along, label),
     )  # fmt: skip
+
+
+def _curve(given: ArrayLike, label: str) -> FloatArray:
+    """Points of a curve, shape (m, 3).
+
+    Raises:
+        ValueRangeError: they are fewer than two, not finite, or two in a row are the same.
+    """
+    points = np.array(given, dtype=float)
+    if points.ndim != 2 or points.shape[1:] != (3,) or len(points) < 2 or not np.isfinite(points).all():
+        raise ValueRangeError(f"attach to {label}: along must be two finite points or more, shape (m, 3)")
+    if not np.diff(points, axis=0).any(axis=1).all():
+        raise ValueRangeError(f"attach to {label}: two points in a row of along are the same")
+    return points
 
 
 def _each(given: ArrayLike | None, what: str, count: int, label: str) -> FloatArray | None:

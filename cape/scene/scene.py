@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cape.cloth.cloth import Cloth, GridCloth
 from cape.scene.attachments import Attachment
 from cape.scene.colliders import Collider
+from cape.scene.confinement import Confinement
 from cape.scene.self_contact import SelfContact
 from cape.scene.tethers import Tethers
 from cape.scene.wind import Wind
@@ -38,6 +39,7 @@ class Scene:
             what lies between the vertices.
         self_contact: how the cloth touches itself; None to let it pass through itself.
         tethers: how far the cloth may get from what is held hard; None for as far as its springs let it.
+        confinements: how far vertices may get from where bones would carry them, or behind that; none for anywhere.
         wearer: the bones, or their roles, at which the left and the right arm begin, and the pelvis: where a cape is.
         dressing: origin [m] and unit quaternion bone_to_wearer wxyz of each of `bones` in the wearer's frame, where the
             cloth is put on, before they go to where the motion begins; None to put it on there.
@@ -54,6 +56,7 @@ class Scene:
     thickness: float = 0.005
     self_contact: SelfContact | None = None
     tethers: Tethers | None = None
+    confinements: Sequence[Confinement] = ()
     wearer: tuple[str, str, str] = WEARER_ROLES
     dressing: Mapping[str, tuple[FloatArray, FloatArray]] | None = None
     strain_limit: bool = False
@@ -63,12 +66,14 @@ class Scene:
 
         Raises:
             UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
-            ValueRangeError: an attachment is of another cloth, a vertex is attached twice, two colliders share a name,
-                a value is out of range, or strain is to be limited in a mesh.
+            ValueRangeError: an attachment is of another cloth, a vertex is attached or confined twice, two colliders
+                share a name, a value is out of range, strain is to be limited in a mesh, or something goes by what is
+                held and nothing is.
         """
         for attachment in self.attachments:
             _require_of(self.cloth, attachment)
         require_held_once([a.vertices for a in self.attachments if a.within is None])
+        require_held_once([c.animated.vertices for c in self.confinements], "confined")
         require_known(self.colliders)
         names = [c.name for c in self.colliders]
         doubled = sorted({n for n in names if names.count(n) > 1})
@@ -76,8 +81,10 @@ class Scene:
             raise ValueRangeError(f"two colliders are named {doubled[0]!r}")
         if len(self.gravity) != 3 or not np.isfinite(self.gravity).all():
             raise ValueRangeError(f"gravity must be three finite numbers, not {self.gravity}")
-        if self.tethers is not None and all(attachment.soft for attachment in self.attachments):
+        if self.tethers is not None and not any(attachment.hard for attachment in self.attachments):
             raise ValueRangeError("tethers need vertices that are held hard")
+        if not self.attachments and any(confinement.needs_holds for confinement in self.confinements):
+            raise ValueRangeError("a bound by the distance from what is held needs an attachment")
         if self.strain_limit and not isinstance(self.cloth, GridCloth):
             raise ValueRangeError("only the threads of a grid have a strain limit: this cloth is a mesh")
         for name in ("friction", "thickness"):
@@ -88,6 +95,7 @@ class Scene:
     def bones(self) -> tuple[str, ...]:
         """Names of the bones, or roles, that the scene uses, each once."""
         used = [bone for a in self.attachments for bone in a.bones]
+        used += [bone for c in self.confinements for bone in c.animated.bones]
         used += [c.bone for c in self.colliders if c.bone is not None]
         if self.cloth.frame == "wearer":
             used += self.wearer
@@ -103,12 +111,12 @@ def _require_of(cloth: Cloth, attachment: Attachment) -> None:
         )
 
 
-def require_held_once(held: Sequence[NDArray[np.int64]]) -> None:
-    """Check that no vertex is in two of the attachments' vertices.
+def require_held_once(held: Sequence[NDArray[np.int64]], how: str = "attached") -> None:
+    """Check that no vertex is in two of the attachments' vertices, or of what else they are said to be.
 
     Raises:
         ValueRangeError: one is.
     """
     values, counts = np.unique(np.concatenate([*held, np.empty(0, dtype=np.int64)]), return_counts=True)
     if (counts > 1).any():
-        raise ValueRangeError(f"vertex {values[counts > 1][0]} is attached more than once")
+        raise ValueRangeError(f"vertex {values[counts > 1][0]} is {how} more than once")

@@ -46,6 +46,7 @@ from cape.kernels.implicit.implicit import (
     place_bones,
     solve_stage,
 )
+from cape.kernels.implicit.sliding import Railing, pull_to_rails
 from cape.kernels.implicit.stiffness import Matrix
 from cape.kernels.linking import Linker
 from cape.kernels.program import Use
@@ -60,6 +61,7 @@ from motions.errors import ValueRangeError
 
 SUBSTEPS = 8  # per frame at 60 Hz, where none are asked for
 PRESSED = 0.1  # of the thickness
+OFF_RAIL = 1e-4  # m that the whole cloth's weight on a single vertex takes that off its curve within a stage
 AT_START = 1e-3  # forcing, for the accelerations with which a frame begins
 ROUNDED = 4.0  # times a coordinate's last digit
 INNER = np.float32  # precision of the linear systems, whose solutions the next Newton step corrects
@@ -198,6 +200,15 @@ class ImplicitSolver(Solver):
             arrays.work.target, arrays.work.forces,
         )  # fmt: skip
 
+    def _railing(self, thread: Thread) -> Railing | None:
+        """The springs that stand for curves within a stage; None where nothing slides."""
+        running, arrays = thread.running, thread.running.arrays
+        rails = running.assembly.rails
+        if rails is None:
+            return None
+        least = _weight(running.assembly) / OFF_RAIL
+        return Railing(running.state, arrays.inertia, rails, thread.bones, least, arrays.work.forces, arrays.matrix)
+
     def _problem(
         self, thread: Thread, linker: Linker, contact: PenaltyContact | None, *, start: bool = False
     ) -> Problem:
@@ -207,12 +218,15 @@ class ImplicitSolver(Solver):
         residual = forces(thread, list(arrays.forces), arrays.work.forces, arrays.room[thread.rank])
         if contact is not None:
             residual.append(Use(press_colliders, contact))
+        railing = self._railing(thread)
+        if railing is not None:
+            residual.append(Use(pull_to_rails, railing))
         pressure = thread.contacts.pressure
         if pressure is not None:
             residual.append(Use(add_pressure, PressedForces(pressure, arrays.inertia.mass, arrays.work.forces)))
         linearise, product = matrix_units(
             thread, arrays.matrix, arrays.layout, arrays.forces[Elastic], arrays.scratch[thread.rank],
-            contact=contact, levels=arrays.levels is not None,
+            contact=contact, railing=railing, levels=arrays.levels is not None,
         )  # fmt: skip
         gathering, precondition = multigrid(thread, arrays.levels, linker)
         system = System(
@@ -359,6 +373,10 @@ def _is_free(contacts: Contacts) -> bool:
 def _penalty(assembly: Assembly, dtype: type[np.floating]) -> Penalty:
     """Contact that the weight of the whole cloth on a single vertex presses in by a tenth of the thickness."""
     count, thickness = assembly.cloth.vertices, assembly.scene.thickness
-    gravity = max(float(np.linalg.norm(assembly.scene.gravity)), 1.0)
-    least = gravity * float(assembly.mass.sum()) / (PRESSED * max(thickness, 1e-4))
+    least = _weight(assembly) / (PRESSED * max(thickness, 1e-4))
     return Penalty(np.full(count, least, dtype), np.zeros((3, count), dtype), np.zeros((6, count), dtype))
+
+
+def _weight(assembly: Assembly) -> float:
+    """Weight of the whole cloth [N], in some gravity where there is none."""
+    return max(float(np.linalg.norm(assembly.scene.gravity)), 1.0) * float(assembly.mass.sum())

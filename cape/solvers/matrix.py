@@ -31,6 +31,7 @@ from cape.kernels.implicit.mesh_stiffness import (
     multiply_mesh,
     multiply_mesh_bends,
 )
+from cape.kernels.implicit.sliding import Railing, add_rail_blocks
 from cape.kernels.implicit.stiffness import (
     Blocks,
     GridStiffness,
@@ -144,6 +145,7 @@ def matrix_units(
     scratch: Array,
     *,
     contact: PenaltyContact | None,
+    railing: Railing | None,
     levels: bool,
 ) -> tuple[list[Use], list[Use]]:
     """What linearises at a state, and what multiplies with the matrix.
@@ -156,6 +158,8 @@ def matrix_units(
     state, pull = thread.running.state, thread.running.assembly.pull
     if pull is not None:
         own.append(Use(add_pull_blocks, PullBlocks(pull, matrix)))
+    if railing is not None:
+        own.append(Use(add_rail_blocks, railing))
     start, invert = Use(start_diagonal, matrix), Use(invert_diagonal, matrix)
     if isinstance(links.springs, GridSprings):
         assert not isinstance(links.bends, MeshBends)

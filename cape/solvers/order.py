@@ -3,13 +3,14 @@
 A frame begins with the bones (`begin_frame`). In each substep the solver's units move the cloth; then (`end_substep`)
 
 1. the journal notes where that has led;
-2. threads are kept from stretching too far, and the journal notes that;
-3. touching layers of cloth press on each other;
-4. tethers draw in what is too far from where bones hold the cloth;
-5. colliders keep triangles out, then vertices;
-6. bones put the vertices that they hold hard where they belong;
-7. layers of the cloth are kept apart;
-8. the journal notes where that has led.
+2. touching layers of cloth press on each other;
+3. tethers draw in what is too far from where bones hold the cloth, and what is confined stays where it may be;
+4. colliders keep triangles out, then vertices;
+5. bones put the vertices that they hold hard where they belong;
+6. layers of the cloth are kept apart;
+7. the journal notes that, and threads are kept from stretching too far;
+8. what slides along curves is put onto these;
+9. the journal notes where that has led.
 
 What a scene lacks is not in the list.
 """
@@ -25,6 +26,7 @@ from cape.forces.base import Acting, Force
 from cape.kernels.bones import MovingBones, begin_motion, move_on
 from cape.kernels.cloth.grid import GridRoom
 from cape.kernels.contact.contact import Contact
+from cape.kernels.contact.drawn import Drawing, begin_drawing, end_drawing
 from cape.kernels.contact.faces import FaceContact
 from cape.kernels.contact.units import (
     FirstLook,
@@ -47,7 +49,8 @@ from cape.kernels.self_contact.self_contact import (
     press,
     search_pairs,
 )
-from cape.kernels.solve.attachments import Held, Lifted, hold_attached, lift_attached
+from cape.kernels.solve.attachments import Held, hold_attached
+from cape.kernels.solve.confine import Confining, keep_in_front, keep_near
 from cape.kernels.solve.journal import (
     Noting,
     NotingForces,
@@ -56,9 +59,11 @@ from cape.kernels.solve.journal import (
     note_first_goals,
     note_goals,
     note_integrated,
-    note_limited,
     note_pressed,
+    note_unlimited,
 )
+from cape.kernels.solve.lift import Lifted, lift_attached
+from cape.kernels.solve.slide import Sliding, slide
 from cape.kernels.solve.soft import Aiming, aim_pull
 from cape.kernels.solve.strain_limit import Limited, limit_across, limit_down
 from cape.kernels.solve.tethers import Tethered, keep_tethered
@@ -95,9 +100,11 @@ def begin_frame(thread: Thread) -> list[Use]:
         if contacts.faces is not None and thread.is_first:
             uses.append(Use(wake_faces, contacts.faces))
         uses += wait(thread)
-    attached = running.assembly.attached
-    if attached is not None:
-        uses += [Use(lift_attached, Lifted(attached, contacts.colliders, motion, bones, duration)), start]
+    attached, ties = running.assembly.attached, running.assembly.ties
+    if attached is not None and ties is not None:
+        if thread.is_first:
+            uses += [Use(lift_attached, Lifted(attached, ties, contacts.colliders, motion, bones, duration)), start]
+        uses += wait(thread)
     uses += aim_springs(thread, 0.0)
     pull, journal = running.assembly.pull, thread.journal
     if pull is not None and journal is not None:
@@ -146,7 +153,6 @@ def end_substep(
             uses.append(Use(note_goals, NotingGoals(assembly.pull, thread.journal)))
         if not pressing:
             uses.append(Use(note_pressed, NotingForces(thread.journal, force, contacts.pressure)))
-    uses += _limit_strain(thread)
     if contacts.pressure is not None and pressing:
         uses.append(Use(press, Pressed(running.state, contacts.pressure)))
     if assembly.tethers is not None and assembly.attached is not None:
@@ -154,6 +160,7 @@ def end_substep(
         uses.append(
             Use(keep_tethered, Tethered(running.state, assembly.attached, assembly.tethers, thread.bones, anchors))
         )
+    uses += _confine(thread)
     uses += _keep_out(thread, earlier, share)
     if assembly.attached is not None and holding:
         uses.append(Use(hold_attached, Held(running.state, assembly.attached, thread.bones)))
@@ -165,20 +172,41 @@ def end_substep(
             layered = Layered(running.state, contacts.layers, thread.inverse_mass, linker.program([look, search]))
             uses.append(Use(keep_apart, layered))
         uses += wait(thread)
+    uses += _limit_strain(thread)
+    if assembly.rails is not None:
+        uses.append(Use(slide, Sliding(running.state, assembly.rails, thread.bones)))
     if thread.journal is not None:
         uses.append(Use(note_end, Noting(running.state, thread.journal)))
     return uses
 
 
 def _limit_strain(thread: Thread) -> list[Use]:
-    """Keep threads from stretching too far, those along columns, then those along rows; contact has the last word."""
-    running, cloth = thread.running, thread.running.assembly.cloth
+    """Keep threads from stretching too far, those along columns, then those along rows, and out of limbs in the end."""
+    running, cloth, colliders = thread.running, thread.running.assembly.cloth, thread.contacts.colliders
     if running.longest is None or not isinstance(cloth, GridCloth):
         return []
     limited = Limited(running.state, thread.inverse_mass, running.longest, cloth.rows, cloth.columns)
-    uses = [*wait(thread), Use(limit_down, limited), *wait(thread), Use(limit_across, limited), *wait(thread)]
+    uses = []
     if thread.journal is not None:
-        uses.append(Use(note_limited, Noting(running.state, thread.journal)))
+        uses.append(Use(note_unlimited, Noting(running.state, thread.journal)))
+    limiting = [*wait(thread), Use(limit_down, limited), *wait(thread), Use(limit_across, limited), *wait(thread)]
+    if colliders is None:
+        return [*uses, *limiting]
+    drawing = Drawing(running.state, running.drawn, colliders)
+    return [*uses, Use(begin_drawing, drawing), *limiting, Use(end_drawing, drawing)]
+
+
+def _confine(thread: Thread) -> list[Use]:
+    """Keep vertices near where bones would carry them, then out of the spheres behind that."""
+    confined = thread.running.assembly.confined
+    if confined is None:
+        return []
+    confining = Confining(thread.running.state, thread.inverse_mass, confined, thread.bones)
+    uses = []
+    if np.isfinite(confined.most).any():
+        uses.append(Use(keep_near, confining))
+    if np.isfinite(confined.behind).any():
+        uses.append(Use(keep_in_front, confining))
     return uses
 
 
@@ -192,7 +220,7 @@ def _keep_out(thread: Thread, earlier: NDArray[np.floating] | None, share: float
     start = np.zeros((1, 1), running.state.x.dtype) if earlier is None else earlier
     contact = Contact(
         running.state, thread.inverse_mass, contacts.free, start, straight, colliders, thread.bones, share,
-        contacts.settled,
+        contacts.settled, running.drawn,
     )  # fmt: skip
     uses = [Use(watch_tiles, Nearby(running.state, colliders, thread.bones, running.duration))]
     if faces is not None:

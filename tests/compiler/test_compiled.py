@@ -43,9 +43,15 @@ def run(more):
     if more == "ellipsoid":
         colliders.append(Ellipsoid(center=np.array([0.0, 1.0, 0.0]), thickness=0.03))
     bones, stiffness = {"blend": ({"rod": 1.0, "hook": 1.0}, None), "soft": ("rod", 50.0)}.get(more, ("rod", None))
-    holds = [cape.attach(cloth, bones, "top_left", stiffness=stiffness), cape.attach(cloth, "rod", "top_right")]
+    along = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]] if more == "sliding" else None
+    holds = [
+        cape.attach(cloth, bones, "top_left", stiffness=stiffness),
+        cape.attach(cloth, "rod", "top_right", along=along),
+    ]
+    bounds = {"max distance": {"max_distance": 1.0}, "backstop": {"backstop": 0.1}}.get(more)
     scene = cape.Scene(
         cloth, holds, colliders,
+        confinements=[] if bounds is None else [cape.confine(cloth, "rod", **bounds)],
         tethers=cape.Tethers() if more == "tethers" else None,
         wind=cape.Wind() if more == "wind" else None,
         self_contact=cape.SelfContact() if more == "self-contact" else None,
@@ -96,8 +102,11 @@ OWN = {
     "self-contact": {"press", "keep_apart", "look_ahead", "search_pairs"},
     "blend": {"lift_attached", "hold_attached"},  # the same for several bones a vertex
     "tethers": {"keep_tethered"},
+    "max distance": {"keep_near"},
+    "backstop": {"keep_in_front"},
+    "sliding": {"slide"},
     "soft": {"aim_pull", "pull_vertices"},
-    "strain limit": {"limit_down", "limit_across"},
+    "strain limit": {"limit_down", "limit_across", "begin_drawing", "end_drawing"},  # of these two with colliders
     "thread": {"wait_for_all"},
     "xpbd": {"fall_all", "drift_all", "prepare_grid", "solve_grid", "aim_attached"},
     "implicit": {

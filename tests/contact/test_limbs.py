@@ -81,11 +81,12 @@ def watched(run: Run, frames: int) -> FloatArray:
 
 @by_default
 def test_held_vertices_are_led_out_of_a_ball_and_come_back_when_it_goes(name: str):
-    run = held(3, 0.03, name)
+    run = held(3, 0.02, name)
     start = run.positions[:3]
     inside = watched(run, 3)[:, :3]
-    # Straight down, away from the ball's centre, until its thickness is free; the others were out of it and stay.
-    np.testing.assert_allclose(inside[-1], start - [[0, 0, 0.03 + 0.002 - 0.01], [0, 0, 0], [0, 0, 0]], atol=1e-7)
+    # Straight down, away from the ball's centre, until its thickness is free; the others were out of it and stay, as
+    # that strains the thread between by 2.8 %.
+    np.testing.assert_allclose(inside[-1], start - [[0, 0, 0.02 + 0.002 - 0.01], [0, 0, 0], [0, 0, 0]], atol=1e-7)
     run.pose[0][run.scene.bones.index("ball")] = [0.0, 0.0, 1.0]
     gone = watched(run, 3)[:, :3]
     np.testing.assert_allclose(gone[-1], start, atol=1e-7)
@@ -94,4 +95,7 @@ def test_held_vertices_are_led_out_of_a_ball_and_come_back_when_it_goes(name: st
 @by_default
 def test_what_is_held_deep_inside_leaves_no_faster_than_it_may(name: str):
     seen = watched(held(9, 0.25, name), 2)
-    np.testing.assert_allclose(np.linalg.norm(np.diff(seen, axis=0), axis=2), EXIT / FPS, atol=1e-6)
+    ways = np.linalg.norm(np.diff(seen, axis=0), axis=2)
+    np.testing.assert_allclose(ways.max(axis=1), EXIT / FPS, atol=1e-6)
+    # Threads hold those back that would leave by other sides.
+    assert ways.min() > 0.5 * EXIT / FPS

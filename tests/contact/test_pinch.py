@@ -1,5 +1,7 @@
 """Limbs that close on a hanging sheet, overlap, and part again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,16 +14,16 @@ from cape.scene.standard_scenes import StandardScene
 
 RADIUS, HEIGHT = 0.06, 1.2  # m, of both limbs
 MOST_STRAIN = 0.1
-by_default = pytest.mark.parametrize("name", cape.SOLVERS)
 
 
 class Pinched:
     """The stress case of that name, frame by frame."""
 
-    def __init__(self, solver: str) -> None:
+    def __init__(self, solver: str, *, limit: bool = False) -> None:
         """Hang the sheet between the limbs."""
         self.given: StandardScene = CASES["pinched"].build()
-        self.simulation = Simulation(self.given.scene, solver=cape.solver(solver), threads=1)
+        scene = replace(self.given.scene, strain_limit=limit)
+        self.simulation = Simulation(scene, solver=cape.solver(solver), threads=1)
         self._track = self.given.track
         self._chosen = [self._track.index(bone) for bone in self.simulation.bones]
         self.frame = 0
@@ -47,9 +49,10 @@ class Pinched:
         return np.stack([RADIUS - np.hypot(where[:, 0] - x, where[:, 2] - HEIGHT) for x in limbs], axis=1)
 
 
+@pytest.mark.parametrize("limit", [False, True], ids=["", "threads held short"])
 @pytest.mark.parametrize("name", ["euler", "xpbd"])
-def test_what_limbs_close_upon_is_held_midway_between_them(name: str):
-    pinched = Pinched(name)
+def test_what_limbs_close_upon_is_held_midway_between_them(name: str, limit: bool):
+    pinched = Pinched(name, limit=limit)
     strains, speeds = zip(*pinched.go(1.9), strict=True)
     assert max(strains) < MOST_STRAIN
     assert max(speeds) < 2.0 * EXIT
@@ -62,9 +65,11 @@ def test_what_limbs_close_upon_is_held_midway_between_them(name: str):
     np.testing.assert_allclose(depths[inside, 0], RADIUS - np.hypot(0.02, height), atol=1e-4)
 
 
-@by_default
-def test_it_comes_out_when_they_part(name: str):
-    pinched = Pinched(name)
+@pytest.mark.parametrize(
+    ("name", "limit"), [*((name, False) for name in cape.SOLVERS), ("euler", True), ("xpbd", True)]
+)
+def test_it_comes_out_when_they_part(name: str, limit: bool):
+    pinched = Pinched(name, limit=limit)
     for _ in pinched.go(2.5):
         pass
     assert pinched.depths.max() < 0.0

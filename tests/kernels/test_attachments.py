@@ -10,6 +10,7 @@ from cape.kernels.bones import Motion, MotionRoom
 from cape.kernels.contact.shapes import MOMENT, Colliders
 from cape.kernels.solve import attachments
 from cape.kernels.solve.attachments import Attached
+from cape.kernels.solve.lift import EXIT, SLACK, Ties, clear, lift_held
 from cape.kernels.state import State
 from motions import quaternions
 from skeleton.shapes import Capsule, Plane
@@ -111,27 +112,35 @@ def two_walls_and_a_ball(thickness: float) -> Colliders:
     return together(walls, record(Capsule, (0, 0.1, 0, 0), thickness=thickness, bones=[1]))
 
 
+def untied(count: int) -> Ties:
+    """No threads between so many held vertices."""
+    return tied(count, [], [])
+
+
+def tied(count: int, pairs: list[tuple[int, int]], longest: list[float]) -> Ties:
+    first, second = np.array(pairs, np.int64).reshape(-1, 2).T.copy()
+    return Ties(first, second, np.array(longest, float), np.zeros((count, 3)), np.zeros((count, 3)))
+
+
 def test_a_point_is_led_out_of_all_that_it_is_in():
     thickness, m = 0.01, moving(np.zeros((2, 3)), place=[[0, 0, 0], [0.05, 2.0, 0.05]])
     colliders = two_walls_and_a_ball(thickness)
     colliders.clock[MOMENT] += 1
-    np.testing.assert_allclose(
-        attachments.clear(-0.3, 5.0, -0.2, colliders, m), (thickness, 5.0, thickness), atol=1e-15
-    )
-    assert attachments.clear(0.5, 5.0, 0.5, colliders, m) == (0.5, 5.0, 0.5)
+    np.testing.assert_allclose(clear(-0.3, 5.0, -0.2, colliders, m), (thickness, 5.0, thickness), atol=1e-15)
+    assert clear(0.5, 5.0, 0.5, colliders, m) == (0.5, 5.0, 0.5)
     # Out of the ball alone, straight away from its centre.
-    out = np.array(attachments.clear(0.12, 2.0, 0.05, colliders, m))
+    out = np.array(clear(0.12, 2.0, 0.05, colliders, m))
     np.testing.assert_allclose(out, (0.05 + 0.11, 2.0, 0.05), atol=1e-15)
     # What the cloth can't meet in this frame isn't looked at.
     colliders.active[:2] = 1, 2
-    assert attachments.clear(-0.3, 5.0, -0.2, colliders, m) == (-0.3, 5.0, -0.2)
+    assert clear(-0.3, 5.0, -0.2, colliders, m) == (-0.3, 5.0, -0.2)
 
 
 def test_between_colliders_each_pass_leads_further_out():
     thickness, m = 0.01, moving(np.zeros((2, 3)), place=[[0, 0, 0], [0.09, 2.0, 0.09]])
     colliders = two_walls_and_a_ball(thickness)
     colliders.clock[MOMENT] += 1
-    x, y, z = attachments.clear(0.0, 2.001, 0.0, colliders, m)
+    x, y, z = clear(0.0, 2.001, 0.0, colliders, m)
     ball = np.linalg.norm(np.array([x, y, z]) - [0.09, 2.0, 0.09]) - 0.1
     assert min(x, z, ball) > thickness - 0.005
     assert min(x, z) >= 0.0
@@ -150,16 +159,16 @@ def test_what_is_held_drifts_to_where_it_is_clear_at_the_frame_s_end():
     attached = Attached(np.arange(5), np.array([1, 1, 1, 1, 0]), points, lift, np.full((5, 3), np.nan))
     before = lift.copy()
     m = MotionRoom.blank(2)
-    attachments.lift_held(0, 4, attached, colliders, Motion(place0, turn0, place1, turn1), m, duration)
+    lift_held(attached, untied(5), colliders, Motion(place0, turn0, place1, turn1), m, duration)
     assert attached.drift is not None
     expected = [
         [0.0, 0.0, 0.005 / duration],  # lacks 5 mm of the thickness above the ground
         [0.0, 0.0, 0.0],  # is clear
-        [0.0, 0.0, attachments.EXIT],  # is deep below the ground
+        [0.0, 0.0, EXIT],  # is deep below the ground
         -lift[3] / duration,  # was lifted, and need no longer be: back at 1.34 m/s
+        [thickness / duration, 0.0, 0.0],  # of the bone that stands still, in the wall
     ]
-    np.testing.assert_allclose(attached.drift[:4], expected, atol=1e-12)
-    assert np.isnan(attached.drift[4]).all()
+    np.testing.assert_allclose(attached.drift, expected, atol=1e-12)
     np.testing.assert_array_equal(lift, before)
     # The bones are at the frame's end.
     np.testing.assert_array_equal(m.positions, place1)
@@ -173,6 +182,55 @@ def test_the_drift_is_in_the_frame_of_the_bone():
     places = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     attached = Attached(np.array([0]), np.array([1]), np.array([[0.0, 0.2, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3)))
     m = MotionRoom.blank(2)
-    attachments.lift_held(0, 1, attached, colliders, Motion(places, turned, places, turned), m, 0.5)
+    lift_held(attached, untied(1), colliders, Motion(places, turned, places, turned), m, 0.5)
     assert attached.drift is not None
     np.testing.assert_allclose(attached.drift, [[-0.01 / 0.5, 0.0, 0.0]], atol=1e-15)
+
+
+def on_a_rail(count: int, spacing: float) -> FloatArray:
+    """Points along X, the middle one at 1 mm beside the upright axis."""
+    return np.stack([spacing * (np.arange(count) - count // 2) + 0.001, np.zeros(count), np.zeros(count)], axis=1)
+
+
+def lifted_from_a_bar(count: int, ties: Ties, points: FloatArray, duration: float) -> FloatArray:
+    """Goals of points in the world [m] that are lifted out of an upright bar of 2 cm, once that has had its time."""
+    bar = record(Capsule, (2.0, 0.02, 0, 0), thickness=0.0, origins=[0.0, 0.0, -1.0])
+    attached = Attached(np.arange(count), np.zeros(count, np.int64), points, *np.zeros((2, count, 3)))
+    still = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]])
+    lift_held(attached, ties, bar, Motion(*still, *still), MotionRoom.blank(1), duration)
+    return points + attached.lift + duration * attached.drift
+
+
+def test_neighbours_on_either_side_of_a_limb_are_not_led_apart():
+    points = np.array([[-0.005, 0.0, 0.0], [0.005, 0.0, 0.0]])
+    apart = lifted_from_a_bar(2, untied(2), points, 1.0)
+    np.testing.assert_allclose(apart, [[-0.02, 0, 0], [0.02, 0, 0]], atol=1e-12)
+    together = lifted_from_a_bar(2, tied(2, [(0, 1)], [0.0104]), points, 1.0)
+    np.testing.assert_allclose(np.linalg.norm(np.diff(together, axis=0)), 0.0104, rtol=1e-12)
+    np.testing.assert_allclose(together.mean(axis=0), points.mean(axis=0), atol=1e-12)
+
+
+def test_what_one_vertex_needs_is_spread_over_its_neighbours():
+    count, spacing = 41, 0.01
+    points = on_a_rail(count, spacing)
+    points[:, 1] = 0.002
+    longest = 1.04 * spacing
+    ties = tied(count, [(k, k + 1) for k in range(count - 1)], [longest] * (count - 1))
+    led = lifted_from_a_bar(count, ties, points, 1.0)
+    lengths = np.linalg.norm(np.diff(led, axis=0), axis=1)
+    alone = np.linalg.norm(np.diff(lifted_from_a_bar(count, untied(count), points, 1.0), axis=0), axis=1)
+    assert alone.max() > 1.4 * spacing
+    assert lengths.max() < longest * (1 + 2 * SLACK)
+    # All of it is led to the side on which most of it was, and out.
+    assert np.hypot(led[:, 0], led[:, 1]).min() > 0.02 - 1e-3
+    # What is far away stays.
+    np.testing.assert_array_equal(led[[0, -1]], points[[0, -1]])
+
+
+def test_what_bones_have_drawn_apart_may_stay_so():
+    points = np.array([[0.1, 0.0, 0.0], [0.5, 0.0, 0.0]])
+    led = lifted_from_a_bar(2, tied(2, [(0, 1)], [0.01]), points, 1.0)
+    np.testing.assert_array_equal(led, points)
+    points[0, 0] = 0.015
+    led = lifted_from_a_bar(2, tied(2, [(0, 1)], [0.01]), points, 1.0)
+    np.testing.assert_allclose(led, [[0.02, 0, 0], [0.5, 0, 0]], atol=1e-12)

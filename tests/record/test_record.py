@@ -12,13 +12,13 @@ import pytest
 import rerun as rr
 
 from cape import record
+from cape.cloth.normals import vertex_normals
 from cape.measure.contact_points import ContactPoints
 from cape.record.contacts import INSIDE_COLOR, TOUCHING_COLOR
 from cape.record.frames import Frames
 from cape.record.layers import drawn_links
 from cape.record.solids import LEFT_COLOR, LEFT_OUT_COLOR, MIDDLE_COLOR
 from cape.record.stage import heading, skeleton_height, smoothed_path
-from cape.record.surfaces.normals import vertex_normals
 from cape.results.penetration import signed_distance
 from cape.results.take import Take
 from cape.scene.colliders import Box, Cylinder, Ellipsoid, Plane, Sphere, TaperedCapsule

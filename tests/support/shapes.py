@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cape.kernels import store
 from cape.kernels.bones import MotionRoom
 from cape.kernels.contact import contact, shapes, units
+from cape.kernels.contact.drawn import Drawn
 from cape.kernels.contact.faces import GROUP, SEEN, FaceContact
 from cape.kernels.contact.shapes import COLLIDER, MOMENT, Colliders, Faces, Points
 from cape.kernels.contact.watch import NEVER, TILE, measure_tiles
@@ -301,7 +302,8 @@ def touching(
     loose = np.ones(s.x.size, bool) if free is None else np.asarray(free, bool)
     straight = earlier is None
     start = np.zeros((1, 1)) if earlier is None else earlier
-    return contact.Contact(s, loose.astype(float), loose, start, straight, colliders, m, share, np.full(1, NEVER))
+    settled, drawn = np.full(1, NEVER), Drawn.blank(1, acts=False)
+    return contact.Contact(s, loose.astype(float), loose, start, straight, colliders, m, share, settled, drawn)
 
 
 def collide(

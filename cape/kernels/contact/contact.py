@@ -4,6 +4,7 @@ A vertex that a step takes within the thickness of a shape is stopped there: its
 surface loses what points inwards, friction takes at most mu times as much of what slides, and the step is redone with
 the corrected velocity. What is still too deep is moved out along the normal, no faster than `EXIT`, without any change
 of velocity: a vertex at rest stays at rest, depth never turns into speed, and a start inside ends in a walk outside.
+What a limit of strain has drawn it in by in the step before is given back in full: see `drawn`.
 
 Where a vertex may pass a shape's middle within one step, its whole way against the shape is followed. As all shapes are
 convex, the nearest distance tells how far it can go before it may touch (conservative advancement: Mirtich 1996,
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.kernels.bones import MotionRoom, velocity_at
+from cape.kernels.contact.drawn import Drawn, drawn_in, note_stopped
 from cape.kernels.contact.pinch import hold_pinched, note
 from cape.kernels.contact.shapes import DUE, Colliders, direction_to_world, distance_to, into_shape, nearest, place
 from cape.kernels.contact.watch import (
@@ -51,7 +53,7 @@ class Contact(NamedTuple):
 
     `inverse_mass` [1/kg] and `free`, False for attached vertices, (V,); `earlier` are the positions at a step's start
     (at least 3, V), unless those are x - step v, as `straight` says; `share` of the thickness is kept; `settled` (1,)
-    is the last turn in which triangles left nothing to do for vertices.
+    is the last turn in which triangles left nothing to do for vertices; `drawn` is what threads do afterwards.
     """
 
     state: State
@@ -63,6 +65,7 @@ class Contact(NamedTuple):
     bones: MotionRoom
     share: float
     settled: NDArray[np.int64]
+    drawn: Drawn
 
 
 @inlined
@@ -85,10 +88,12 @@ def stopped(rx, ry, rz, nx, ny, nz, friction):
 def respond(contact, c, i, depth, nx, ny, nz, step, most):
     """Stop vertex i, `depth` [m] too deep along the unit normal n, at the surface of collider c, which moves.
 
-    Its position changes by what its velocity does, times the `step` [s], and by at most `most` [m] for the depth that
-    is left. Returns the speed [m/s] that it had into the surface.
+    Its position changes by what its velocity does, times the `step` [s], and by at most `most` [m], and what it was
+    drawn in by, for the depth that is left. Returns the speed [m/s] that it had into the surface.
     """
     s, record = contact.state, contact.colliders.records[c]
+    most += drawn_in(contact.drawn, i, nx, ny, nz)
+    note_stopped(contact.drawn, contact.colliders, i, nx, ny, nz, contact.share * record.thickness)
     sx, sy, sz = velocity_at(record.bone, s.x[i], s.y[i], s.z[i], contact.bones)
     rx, ry, rz, inwards = stopped(s.vx[i] - sx, s.vy[i] - sy, s.vz[i] - sz, nx, ny, nz, record.friction)
     if inwards > 0.0:
@@ -147,11 +152,16 @@ def from_where_it_came(contact, c, i, step):
 
 @inlined
 def before(contact, i, step):
-    """Where vertex i was at the start of the step [m]."""
+    """Where vertex i was at the start of the step, and would be had threads not been held short before that [m]."""
     s, earlier = contact.state, contact.earlier
     if contact.straight:
-        return s.x[i] - step * s.vx[i], s.y[i] - step * s.vy[i], s.z[i] - step * s.vz[i]
-    return np.float64(earlier[0, i]), np.float64(earlier[1, i]), np.float64(earlier[2, i])
+        x, y, z = s.x[i] - step * s.vx[i], s.y[i] - step * s.vy[i], s.z[i] - step * s.vz[i]
+    else:
+        x, y, z = np.float64(earlier[0, i]), np.float64(earlier[1, i]), np.float64(earlier[2, i])
+    if contact.drawn.acts:
+        by = contact.drawn.by
+        x, y, z = x - by[0, i], y - by[1, i], z - by[2, i]
+    return x, y, z
 
 
 @inlined

@@ -10,6 +10,7 @@ overlap ends, as far as the cloth lets it.
 import math
 
 from cape.kernels.bones import velocity_at
+from cape.kernels.contact.drawn import note_stopped
 from cape.kernels.contact.shapes import distance_to
 from cape.kernels.jit import inlined, routine
 
@@ -93,4 +94,5 @@ def hold_pinched(contact, start, end, step, most):
         mx, my, mz = step * (s.vx[i] - u), step * (s.vy[i] - v), step * (s.vz[i] - w)
         off = (second - first) / twice - (mx * nx + my * ny + mz * nz)
         off = min(max(off, -most), most)
+        note_stopped(contact.drawn, colliders, i, nx, ny, nz, 0.0)
         s.x[i], s.y[i], s.z[i] = x + mx + off * nx, y + my + off * ny, z + mz + off * nz

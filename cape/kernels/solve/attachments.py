@@ -1,21 +1,16 @@
 """Vertices that bones hold: where, and how each kind of solver puts them there."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.kernels.bones import Motion, MotionRoom, set_pose, to_world, turned, turned_back, velocity_at
-from cape.kernels.contact.contact import EXIT
-from cape.kernels.contact.shapes import Colliders, distance_to, forget_places, place
+from cape.kernels.bones import MotionRoom, to_world, turned, velocity_at
 from cape.kernels.jit import inlined, routine, unit
 from cape.kernels.state import State
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.int64]
-
-PASSES = 4  # around the colliders that a held vertex is between
 
 
 class Blend(NamedTuple):
@@ -50,16 +45,6 @@ class Held(NamedTuple):
     bones: MotionRoom
 
 
-class Lifted(NamedTuple):
-    """Which vertices bones hold, and what those are kept out of; `colliders` is None where there are none."""
-
-    attached: Attached
-    colliders: Colliders | None
-    motion: Motion
-    bones: MotionRoom
-    duration: Array
-
-
 @unit
 def hold_attached(g, team, substep, substeps, step):
     """Put attached vertices where they are held; their velocity is what brings them there."""
@@ -70,12 +55,6 @@ def hold_attached(g, team, substep, substeps, step):
 def aim_attached(g, team, substep, substeps, step):
     """Give attached vertices the velocity that brings them to where they are held in one step."""
     aim(team.lo, team.hi, g.state, g.attached, g.bones, (substep + 1) * step, step)
-
-
-@unit
-def lift_attached(g, team, substep, substeps, step):
-    """Let attached vertices drift to where they are out of all colliders at the frame's end."""
-    lift_held(team.lo, team.hi, g.attached, g.colliders, g.motion, g.bones, g.duration[0])
 
 
 @inlined
@@ -178,44 +157,3 @@ def hold_rigidly(lo, hi, s, attached, m, time, b, target):
         s.x[i], s.y[i], s.z[i] = x, y, z
         s.vx[i], s.vy[i], s.vz[i] = vx, vy, vz
         target[0, i], target[1, i], target[2, i] = x - b * vx, y - b * vy, z - b * vz
-
-
-@routine
-def lift_held(lo, hi, attached, colliders, motion, m, duration):
-    """Let the attached ones of vertices lo to hi drift to where they are out of all colliders at the frame's end.
-
-    No faster than `contact.EXIT`. Leaves the bones `m` at the frame's end.
-    """
-    set_pose(motion.position1, motion.rotation1, m)
-    forget_places(colliders)
-    for k in range(attached.vertices.size):
-        i, bone = attached.vertices[k], heaviest(attached, attached.blend, k)
-        if i < lo or i >= hi:
-            continue
-        lift, drift = attached.lift[k], attached.drift[k]
-        x0, y0, z0 = carried(attached, attached.blend, k, 0.0, 0.0, 0.0, m)
-        x, y, z = clear(x0, y0, z0, colliders, m)
-        x, y, z = turned_back(bone, x - x0, y - y0, z - z0, m.matrices)
-        x, y, z = (x - lift[0]) / duration, (y - lift[1]) / duration, (z - lift[2]) / duration
-        speed = math.sqrt(x * x + y * y + z * z)
-        share = EXIT / speed if speed > EXIT else 1.0
-        drift[0], drift[1], drift[2] = share * x, share * y, share * z
-
-
-@routine
-def clear(x, y, z, colliders, m):
-    """The point led out of the thickness of all active colliders [m]; as it is for None."""
-    if colliders is not None:
-        for _ in range(PASSES):
-            found = False
-            for k in range(1, colliders.active[0] + 1):
-                c = colliders.active[k]
-                place(colliders, c, m)
-                distance, nx, ny, nz = distance_to(colliders, c, x, y, z)
-                depth = colliders.records[c].thickness - distance
-                if depth > 0.0:
-                    found = True
-                    x, y, z = x + depth * nx, y + depth * ny, z + depth * nz
-            if not found:
-                break
-    return x, y, z

@@ -13,13 +13,13 @@ from cape.kernels.state import State
 
 class Journal(NamedTuple):
     """Room for a frame of S substeps, positions [m] and velocities [m/s]: `integrated` (S, 6, N) as each has moved the
-    vertices, `limited` (S, 6, N) as a limit of strain has then left them, None where there is none, `ended` (S, 6, N)
-    as impulses of contact have; and `pressed` (S, N), where contact forces had a part in the first. `goals`
-    (S + 1, 6, n) are those of springs that hold n vertices, with their velocities, at the frame's start and the end of
-    each substep; None without any."""
+    vertices, `unlimited` (S, 6, N) as impulses of contact have then left them, None where nothing limits strain after
+    that, `ended` (S, 6, N) as they are left in the end; and `pressed` (S, N), where contact forces had a part in the
+    first. `goals` (S + 1, 6, n) are those of springs that hold n vertices, with their velocities, at the frame's start
+    and the end of each substep; None without any."""
 
     integrated: NDArray[np.floating]
-    limited: NDArray[np.floating] | None
+    unlimited: NDArray[np.floating] | None
     ended: NDArray[np.floating]
     pressed: NDArray[np.bool_]
     goals: NDArray[np.float64] | None = None
@@ -55,9 +55,9 @@ def note_integrated(g, team, substep, substeps, step):
 
 
 @unit
-def note_limited(g, team, substep, substeps, step):
-    """Note vertices as a limit of strain has left them."""
-    copy_state(team.lo, team.hi, g.state, g.journal.limited[substep])
+def note_unlimited(g, team, substep, substeps, step):
+    """Note vertices before their strain is limited."""
+    copy_state(team.lo, team.hi, g.state, g.journal.unlimited[substep])
 
 
 @unit

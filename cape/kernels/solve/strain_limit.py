@@ -3,9 +3,9 @@
 Provot 1995, "Deformation constraints in a mass-spring model to describe rigid cloth behavior", moves the ends of a
 thread that is too long back to its longest; Bridson, Fedkiw and Anderson 2002, "Robust treatment of collisions, contact
 and friction for cloth animation", section 4.2, take by impulses the velocity that makes it longer. Here both is done,
-once a step has moved the cloth: the ends lose the velocity with which they part, as in an inelastic collision, which
-keeps momentum and never adds kinetic energy; and what the thread is too long by is taken back without any velocity, no
-faster than contact moves a vertex: what limbs hold fast is not torn through them.
+at the end of a step, after contact: the ends lose the velocity with which they part, as in an inelastic collision,
+which keeps momentum and never adds kinetic energy; and what the thread is too long by is taken back without any
+velocity. How far that may draw what limbs have stopped is told in `contact.drawn`.
 
 Threads down the columns come first, row after row from where a garment is held, so that one sweep takes a tug at the
 top to the hem, in all columns side by side. Threads along the rows follow, every other one first. What one thread gives
@@ -32,7 +32,7 @@ Array = NDArray[np.floating]
 LOAD = 1e3  # m/s2
 LEFT = 3.5e-3  # m
 LEAST, MOST = 10, 100
-RETURN = 3.0  # m/s at most at which a sweep takes a thread back, as contact moves vertices out of colliders
+RETURN = 30.0  # m/s at most at which a sweep takes a thread back: faster than limbs, yet no leap where cloth was torn
 SLACK = 1e-4  # of its longest, by which a thread that is too long is left alone
 
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.cloth.normals import vertex_normals
 from cape.record.frames import Frames, send_once
 from cape.record.poses import xyzw
-from cape.record.surfaces.normals import vertex_normals
 from motions import quaternions
 from skeleton.shapes.revolved import AROUND, strips
 

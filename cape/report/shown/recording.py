@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.bench.plot import COLOURS, NAMES
+from cape.cloth.normals import vertex_normals
 from cape.record.file import recording_file
 from cape.record.frames import Frames, send_once
 from cape.record.solids import log_hitboxes, plane_paths
 from cape.record.stage import DARK_BACKGROUND, log_character
-from cape.record.surfaces.normals import vertex_normals
 from cape.report.measured.accuracy import error_of
 from cape.report.measured.sweep import Sweep
 from cape.report.measured.trajectory import Trajectory

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cape.record.surfaces.normals import vertex_normals
+from cape.cloth.normals import vertex_normals
 
 # A division by zero is a warning to numpy.
 pytestmark = pytest.mark.filterwarnings("error")

@@ -1,0 +1,63 @@
+"""Threads under a limit of strain, from frame to frame: if shorter steps would help, or it can't be kept at all."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.assemble import Assembly
+from cape.kernels.calling import Bound
+from cape.kernels.cloth.measure import is_strained
+from cape.kernels.state import State
+
+LEFT = 0.01  # strain beyond their limit that sweeps over threads may leave
+TORN = 0.1  # strain beyond their limit at which a few threads bear what others are not let to
+
+
+class StrainLimit:
+    """The threads of a cloth at a state, which may change in place; those that are held at both ends don't count."""
+
+    def __init__(self, assembly: Assembly, state: State, longest: NDArray[np.floating] | None) -> None:
+        """Choose the threads of a scene that limits strain; of others none.
+
+        `longest` (2, N) is what steps let them be [m], None where nothing limits them.
+        """
+        springs, free, fabric = assembly.springs, assembly.free, assembly.cloth.fabric
+        chosen = springs.measured & (free[springs.first] | free[springs.second])
+        self._first, self._second, self._rest = springs.first[chosen], springs.second[chosen], springs.rest[chosen]
+        self._most = float(max(fabric.limit_warp, fabric.limit_weft)) + LEFT
+        self._state, self._colliders = state, assembly.contacts.colliders
+        self._longest, self._usual = longest, None if longest is None else longest.copy()
+        self._acts = longest is not None
+        self._any = Bound(is_strained, *state[:3], self._first, self._second, self._rest, self._most)
+
+    @property
+    def acts(self) -> bool:
+        """Whether steps hold threads short; where they may and don't, threads are left to their stiffness."""
+        return self._acts
+
+    @acts.setter
+    def acts(self, acts: bool) -> None:
+        if self._longest is not None and self._usual is not None and acts != self._acts:
+            self._longest[:] = self._usual if acts else np.inf
+            self._acts = acts
+
+    def too_long(self) -> bool:
+        """Tell whether the limit has left threads too long that shorter steps may shorten: that no two limbs pinch."""
+        if not self._acts or not self._any():
+            return False
+        if self._colliders is None:
+            return True
+        pinched = self._colliders.pinched
+        return bool((self._strains()[~pinched[self._first] & ~pinched[self._second]] > self._most).any())
+
+    def torn(self) -> bool:
+        """Tell whether some bear far more than the limit, as where limbs draw out more than all together may give."""
+        return self._acts and bool(self._any()) and bool(self._strains().max() > self._most + TORN)
+
+    def rest(self) -> None:
+        """Limit threads again, once their stiffness alone has brought them back to what they may bear."""
+        if not self._acts and not self._any():
+            self.acts = True
+
+    def _strains(self) -> NDArray[np.float64]:
+        places = np.stack(self._state[:3], axis=1).astype(float)
+        return np.linalg.norm(places[self._second] - places[self._first], axis=1) / self._rest - 1.0
