@@ -8,6 +8,9 @@ import pytest
 import cape
 from motions.errors import UserError
 
+# What is given here is wrong on purpose, also as far as its types go.
+# pyright: reportArgumentType=false
+
 SHEET = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.25)
 OTHER = cape.Cloth.rectangle(width=2.0, height=1.0, spacing=0.25)
 SCENE = cape.Scene(SHEET, [cape.attach(SHEET, "rod", "top")])

@@ -78,7 +78,7 @@ def test_poses_equal_chained_matrices_on_real_clips(mocap):
 @given(trees())
 @settings(max_examples=50, deadline=None)
 def test_poses_are_those_that_pinocchio_gives_its_model_of_the_clip(clip):
-    import pinocchio as pin
+    import pinocchio as pin  # pyright: ignore[reportMissingImports]
 
     body = Skeleton.from_clip(clip)
     track, data = body.track(clip), body.model.createData()

@@ -113,7 +113,7 @@ def test_arrays_by_the_names_that_simulators_give_them(tmp_path, g1):
             60,
         ),
     ):  # fmt: skip
-        np.savez(tmp_path / "motion.npz", **arrays)
+        np.savez(tmp_path / "motion.npz", allow_pickle=False, **arrays)
         motion = load_configurations(tmp_path / "motion.npz", g1)
         np.testing.assert_allclose(motion.configurations, rows, atol=1e-12)
         assert motion.fps == pytest.approx(fps)
