@@ -5,6 +5,7 @@ import math
 import zipfile
 import zlib
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
     return arrays
 
 
-def _head(file: "zipfile.ZipExtFile") -> tuple[tuple[int, ...], np.dtype]:
+def _head(file: IO[bytes]) -> tuple[tuple[int, ...], np.dtype]:
     """Shape and kind that the head of an array states."""
     version = np.lib.format.read_magic(file)
     read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)

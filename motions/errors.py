@@ -1,7 +1,7 @@
 """The errors that a user's input can cause; the command line prints each as one line and exits with status 2."""
 
 from collections.abc import Iterable
-from numbers import Integral
+from operator import index
 
 
 class UserError(ValueError):
@@ -31,8 +31,9 @@ def require_whole(name: str, value: object, least: int, most: int) -> None:
     Raises:
         ValueRangeError: it is none, or outside of them.
     """
-    if isinstance(value, bool) or not isinstance(value, Integral):
+    if isinstance(value, bool) or not hasattr(value, "__index__"):
         raise ValueRangeError(f"{name} must be a whole number, not {value!r}")
-    if not least <= value <= most:
-        bound = f"{least} or more" if value < least else f"{most} at most"
+    number = index(value)  # pyright: ignore[reportArgumentType]
+    if not least <= number <= most:
+        bound = f"{least} or more" if number < least else f"{most} at most"
         raise ValueRangeError(f"{name} must be {bound}, not {value}")
