@@ -41,6 +41,11 @@ class Running:
         self.duration = np.zeros(1)
         self.frames: dict[int, Any] = {}
 
+    @property
+    def limits(self) -> NDArray[np.floating] | None:
+        """How long threads may get [m], of a grid shape (2, N), of a mesh (n,); None where nothing limits them."""
+        return self.longest if self.links is None else self.links.longest
+
     def go_on_with(self, assembly: Assembly) -> None:
         """Take the same assembly with other notes, as `Assembly.with_layers` gives it, for the steps to come."""
         self.assembly = assembly
