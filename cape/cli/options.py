@@ -129,7 +129,7 @@ def cut(
     spacing: Annotated[
         float | None, typer.Option(help="Mean distance of the cloth's vertices [m]; by default for 1,500 of them.")
     ] = None,
-    length: Annotated[float | None, typer.Option(help="Length of the cape [m]; by default to the shins.")] = None,
+    length: Annotated[float | None, typer.Option(help="Length of the garment [m]; by default its own.")] = None,
     solver: Annotated[
         str | None, typer.Option(help="euler (the default), xpbd, backward_euler, tr_bdf2, or auto to have one chosen.")
     ] = None,

@@ -1,6 +1,5 @@
 """A piece of cloth: vertices cut from a flat pattern, on a grid or any triangle mesh, and where it starts in space."""
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -61,7 +60,7 @@ class Cloth(ABC):
         Raises:
             ValueRangeError: a size is not positive, the origin not finite, or the directions are parallel.
         """
-        _require_positive(width=width, height=height, spacing=spacing)
+        tailoring.require_positive(width=width, height=height, spacing=spacing)
         rows, columns = tailoring.cells(height, spacing) + 1, tailoring.cells(width, spacing) + 1
         u, v = np.meshgrid(np.linspace(0.0, width, columns), np.linspace(0.0, height, rows))
         across, along = tailoring.unit(right, "right"), tailoring.unit(down, "down")
@@ -106,7 +105,7 @@ class Cloth(ABC):
         Raises:
             ValueRangeError: a size is not positive, the flare is not above 1, or the spacing is too wide for the cape.
         """
-        _require_positive(length=length, spacing=spacing, shoulder_width=shoulder_width)
+        tailoring.require_positive(length=length, spacing=spacing, shoulder_width=shoulder_width)
         if not 1.0 < flare < 20.0:
             raise ValueRangeError(f"the flare of a cape must be above 1 and below 20, not {flare}")
         rows, columns, pattern, neckline = tailoring.annular_sector(length, flare, spacing, shoulder_width)
@@ -146,7 +145,7 @@ class Cloth(ABC):
             ValueRangeError: a size is not positive, the spacing is too wide for the skirt, or so wide a hem would not
                 even lie flat.
         """
-        _require_positive(waist=waist, length=length, flare=flare, spacing=spacing)
+        tailoring.require_positive(waist=waist, length=length, flare=flare, spacing=spacing)
         places, triangles, folded, regions = tailoring.frustum(waist, length, flare, spacing)
         return replace(Cloth.from_mesh(places, triangles, fabric=fabric), pattern=folded, regions=regions)
 
@@ -235,6 +234,11 @@ class Cloth(ABC):
 
     @property
     @abstractmethod
+    def has_threads(self) -> bool:
+        """Whether it is known which of its edges lie along threads."""
+
+    @property
+    @abstractmethod
     def texcoords(self) -> NDArray[np.float32]:
         """Texture coordinates, 0 to 1 over the cloth, shape (V, 2)."""
 
@@ -288,6 +292,11 @@ class GridCloth(Cloth):
     seams: tuple[int, ...] = ()
 
     @property
+    def has_threads(self) -> bool:
+        """Whether it is known which of its edges lie along threads: its rows and columns do."""
+        return True
+
+    @property
     def places_at_rest(self) -> FloatArray:
         """Where the vertices are when nothing pulls at them [m], shape (V, 2) if they lie flat, otherwise (V, 3)."""
         return self.positions if self.darted else self.pattern
@@ -332,10 +341,18 @@ class MeshCloth(Cloth):
     Attributes:
         faces: vertex indices of the triangles, shape (T, 3).
         corners: of each triangle where it has no tension, laid flat: along the weft and the warp [m], shape (T, 3, 2).
+        threads: edges that lie along its threads, on which its stretch is measured, the lower vertex first, shape
+            (n, 2); None for all edges, those on the bias with them, which get longer where the cloth is sheared.
     """
 
     faces: IntArray
     corners: FloatArray
+    threads: IntArray | None = None
+
+    @property
+    def has_threads(self) -> bool:
+        """Whether it is known which of its edges lie along threads."""
+        return self.threads is not None
 
     @property
     def corners_at_rest(self) -> FloatArray:
@@ -375,9 +392,3 @@ def areas(corners: FloatArray) -> FloatArray:
 def _thirds(triangles: NDArray[np.integer], masses: FloatArray, vertices: int) -> FloatArray:
     """Give each corner a third of its triangle's mass [kg]."""
     return np.bincount(triangles.ravel(), weights=np.repeat(masses / 3.0, 3), minlength=vertices).astype(float)
-
-
-def _require_positive(**sizes: float) -> None:
-    for name, value in sizes.items():
-        if not 0.0 < value < math.inf:
-            raise ValueRangeError(f"{name.replace('_', ' ')} must be positive and finite, not {value}")

@@ -1,6 +1,8 @@
 """How cloth is cut and worn: a cape's flat pattern, neckline and sewn edges, a skirt's rings, the names of parts."""
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +18,17 @@ HEM = 0.024  # m, width of the sewn edge; the collar is twice as wide
 SLACK = 1.1  # length of the neckline over that of the way it is worn: room for the shoulders to move
 
 
+def require_positive(**sizes: float) -> None:
+    """Check sizes by their names.
+
+    Raises:
+        ValueRangeError: one is not positive, or not finite.
+    """
+    for name, value in sizes.items():
+        if not 0.0 < value < math.inf:
+            raise ValueRangeError(f"{name.replace('_', ' ')} must be positive and finite, not {value}")
+
+
 def cells(size: float, spacing: float) -> int:
     """Number of cells along a side [m], at least one.
 
@@ -28,6 +41,16 @@ def cells(size: float, spacing: float) -> int:
             f"a spacing of {spacing:g} m is too fine for {size:.2f} m: at most {MOST_CELLS} cells a side"
         )
     return count
+
+
+def spaced(stops: Sequence[float], spacing: float) -> FloatArray:
+    """Numbers from each of some to the next, as evenly as whole cells of about a spacing make them [m], shape (n,).
+
+    Raises:
+        ValueRangeError: there would be too many.
+    """
+    parts = [np.linspace(a, b, cells(b - a, spacing) + 1)[:-1] for a, b in pairwise(stops)]
+    return np.append(np.concatenate(parts), stops[-1])
 
 
 def unit(direction: ArrayLike, name: str) -> FloatArray:
@@ -52,7 +75,7 @@ def annular_sector(
         ValueRangeError: the spacing is too wide for the cape.
     """
     curve = _neckline(shoulder_width)
-    inner = SLACK * _length(curve)
+    inner = SLACK * length_of(curve)
     rows = cells(length, spacing / WIDER_CELLS) + 1
     columns = cells(inner * (1.0 + flare) / 2.0, spacing * WIDER_CELLS) + 1
     if rows < 4 or columns < 8:
@@ -171,14 +194,14 @@ def _neckline(shoulder_width: float) -> FloatArray:
 
 def _worn(curve: FloatArray, columns: int) -> FloatArray:
     """Where the top row is worn: both ends of the curve at the pattern's own spacing, the slack all in the middle."""
-    pattern, curve_length = np.linspace(0.0, SLACK * _length(curve), columns), _length(curve)
+    pattern, curve_length = np.linspace(0.0, SLACK * length_of(curve), columns), length_of(curve)
     excess, end = pattern[-1] - curve_length, _held_end(columns)
     distances = pattern.copy()
     distances[columns - end :] -= excess
     distances[end : columns - end] = np.interp(
         pattern[end : columns - end], pattern[[end - 1, columns - end]], distances[[end - 1, columns - end]]
     )
-    return _along(curve, distances)
+    return along(curve, distances)
 
 
 def _held_end(columns: int) -> int:
@@ -186,11 +209,30 @@ def _held_end(columns: int) -> int:
     return max(2, round((columns - 1) / 8))
 
 
-def _length(curve: FloatArray) -> float:
+def hull(points: FloatArray) -> FloatArray:
+    """Corners of the convex hull of points in a plane [m], shape (n, 2), against the clock.
+
+    Raises:
+        ValueRangeError: they lie on a line.
+    """
+    from scipy.spatial import ConvexHull
+
+    if np.linalg.matrix_rank(points - points[:1], tol=1e-6) < 2:
+        raise ValueRangeError("there is no body for a garment to go around")
+    return points[ConvexHull(points).vertices]
+
+
+def length_of(curve: FloatArray) -> float:
+    """Length of a curve [m], shape (n, k)."""
     return float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
 
 
-def _along(curve: FloatArray, distances: FloatArray) -> FloatArray:
-    """Points of a curve at given distances along it."""
+def along(curve: FloatArray, distances: FloatArray) -> FloatArray:
+    """Points of a curve, shape (n, k), at given distances along it [m]."""
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
-    return np.stack([np.interp(distances, travelled, curve[:, k]) for k in range(3)], axis=1)
+    return np.stack([np.interp(distances, travelled, component) for component in curve.T], axis=1)
+
+
+def evenly(curve: FloatArray, count: int) -> FloatArray:
+    """So many points of a curve, shape (n, k), at even distances along it, its ends among them."""
+    return along(curve, np.linspace(0.0, length_of(curve), count))

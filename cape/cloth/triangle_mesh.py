@@ -153,6 +153,7 @@ def reordered(cloth: MeshCloth, order: IntArray) -> MeshCloth:
         positions=cloth.positions[order],
         faces=faces[follow],
         corners=cloth.corners[follow],
+        threads=None if cloth.threads is None else np.sort(number[cloth.threads], axis=1),
         layers=None if cloth.layers is None else cloth.layers[follow],
         regions={name: number[region] for name, region in cloth.regions.items()},
     )

@@ -24,7 +24,7 @@ def fit(fitted: Fitted, measures: Measures) -> Worn:
         fabric=measures.fabric,
     )
     held = tuple(Hold(f"{side}_shoulder", f"top_{side}") for side in ("left", "right"))
-    return Worn(cloth, held, arms_lowered=False)
+    return Worn(cloth, held)
 
 
 BACK_CAPE = Garment("back_cape", "hangs from both shoulders behind the back", fit)

@@ -31,23 +31,24 @@ class Measures:
 
 class Hold(NamedTuple):
     """A bone, by its role, that holds a region of a garment: at points in its frame [m] (n, 3), None for where it is
-    put on."""
+    put on; by springs of a stiffness [N/m] each, None for hard."""
 
     bone: str
     region: str
     points: NDArray[np.float64] | None = None
+    stiffness: float | None = None
 
 
 class Worn(NamedTuple):
     """A garment cut for a body.
 
-    Its cloth, what holds it, whether it is put on with arms lowered, whether it falls in folds whose layers meet, and
-    the distance at which colliders stop it [m], None for that of any scene.
+    Its cloth, what holds it, the body as it stands where it is put on, None for as the motion begins; whether it falls
+    in folds whose layers meet, and the distance at which colliders stop it [m], None for that of any scene.
     """
 
     cloth: Cloth
     holds: tuple[Hold, ...]
-    arms_lowered: bool
+    put_on: Fitted | None = None
     layered: bool = False
     thickness: float | None = None
 

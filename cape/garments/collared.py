@@ -14,12 +14,12 @@ from cape.cloth import tailoring
 from cape.cloth.cloth import GridCloth
 from cape.cloth.fabric import Fabric
 from cape.garments.base import Hold, Measures, Worn
-from cape.garments.fitting import Fitted
+from cape.garments.fitting import CLEARANCE, Fitted, room_between
+from cape.garments.hood import BROW_STIFFNESS, with_hood
 from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
 
-CLEARANCE = 0.0015  # m between the garment as it is cut and what stops it
 STEEPEST = 0.9  # descent of the yoke per way outwards: beyond the shoulders' edge it does not follow the body
 COLLAR = 0.045  # of the body's height: width of the collar, which the chest holds
 HEM_LAYERS = 3.0  # of fabric in the sewn hem; the collar has twice as many
@@ -28,11 +28,6 @@ CLASPED = 1.0  # rad around the neck that a clasp may span
 NAPE = 0.5  # rad to either side of the middle of the back: beyond it the neck's sides begin
 STIFF = 0.6  # rad around the neck, over which a collar is even
 SPACING = 0.0252  # of the body's height, for about as many vertices as a cape that hangs from the shoulders
-COARSEST = 0.06  # of the body's height: spacing at most
-LIMB = 0.02  # of the body's height: radius of the thinnest limb that it hangs on, the forearm
-STRAINED = 1.05  # length of a thread over that at rest, at most
-LEAST = 0.005  # m that colliders stop it at in any case: of thick cloth half of its own thickness
-WIDER = 1.3  # width of a cell at the hem over the mean spacing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,19 +39,24 @@ class Cut:
         flare: length of the hem divided by that of the ring around the shoulders.
         begin: where its left edge is around the neck, from the middle of the back to the left [rad].
         end: where its right edge is.
+        hooded: whether it goes on above the neckline as a hood, which is worn over the head.
     """
 
     length: float
     flare: float
     begin: float
     end: float
+    hooded: bool = False
 
     def fit(self, fitted: Fitted, measures: Measures) -> Worn:
-        """Cut it for a body, to be held by the chest along its collar."""
+        """Cut it for a body: held by the chest along its collar, and at the brow where it is hooded.
+
+        Raises:
+            ValueRangeError: it can't be cut, as of `lay_out`.
+            UnknownNameError: the body has no chest, or it is hooded, and no bone plays the head.
+        """
         spacing = SPACING * fitted.height if measures.spacing is None else measures.spacing
-        if spacing > COARSEST * fitted.height:
-            raise ValueRangeError(f"a spacing of {spacing:g} m is too wide to go around a neck")
-        thickness = _room_between(spacing, LIMB * fitted.height)
+        thickness = room_between(spacing, fitted.height)
         cloth, collar = lay_out(
             fitted,
             self.begin,
@@ -67,8 +67,13 @@ class Cut:
             clearance=thickness + CLEARANCE,
             fabric=measures.fabric or Fabric(),
         )
-        held = Hold("chest", "collar", fitted.into_bone("chest", collar))
-        return Worn(cloth, (held,), arms_lowered=True, layered=True, thickness=thickness)
+        held = [Hold("chest", "collar", fitted.into_bone("chest", collar))]
+        if self.hooded:
+            cloth = with_hood(cloth, fitted, spacing=spacing, clearance=thickness + CLEARANCE)
+            brow = cloth.region("brow")
+            points = fitted.into_bone("head", cloth.positions[brow])
+            held.append(Hold("head", "brow", points, BROW_STIFFNESS / len(brow)))
+        return Worn(cloth, tuple(held), put_on=fitted, layered=True, thickness=thickness)
 
 
 def lay_out(
@@ -101,9 +106,7 @@ def lay_out(
         ValueRangeError: a size is not positive, the garment ends on the shoulders, the spacing is too wide for what
             hangs from them, or no collar fits the neck.
     """
-    for name, value in (("length", length), ("flare", flare), ("spacing", spacing)):
-        if not 0.0 < value < np.inf:
-            raise ValueRangeError(f"the {name} must be positive and finite, not {value}")
+    tailoring.require_positive(length=length, flare=flare, spacing=spacing)
     neck, top = fitted.collar(clearance)
     radius, reach = neck, fitted.girth(clearance)
     if length <= reach - radius:
@@ -159,16 +162,6 @@ def _gathers(rings: FloatArray, down: FloatArray, edge: int, columns: int) -> Fl
     slope = (rings[-1] - rings[edge]) / (down[-1] - down[edge])
     cut = rings[edge] + slope * (ways - down[edge])
     return np.repeat(np.maximum(cut / middles, 1.0)[:, None], columns - 1, axis=1)
-
-
-def _room_between(spacing: float, radius: float) -> float:
-    """Distance from a round limb at which the vertices of the hem hold all of the cloth between them off it [m].
-
-    The middle of a cell, at p from its corners, is as far from the axis of a cylinder of radius r as
-    sqrt((r + t)^2 - p^2) when these are at t from its surface.
-    """
-    from_corners = STRAINED * spacing * float(np.hypot(1.0, WIDER)) / 2.0
-    return max(float(np.hypot(radius, from_corners)) - radius, LEAST)
 
 
 def _heights(

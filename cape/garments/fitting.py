@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from motions import quaternions
 from motions.errors import ValueRangeError
-from skeleton.lowered_arms import lower_arms
 from skeleton.rest import RestPose
 from skeleton.shapes import Bounded, Shape
 from skeleton.solid_measures import signed_distance
+from skeleton.straight_limbs import AWAY, lower_arms, straighten_legs
 
 if TYPE_CHECKING:
     from skeleton.model import Skeleton
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 FINE = 0.002  # m between heights and widths that are tried
+NEAR = 0.0002  # m from the way out of a body, at which it is found
 HIGHEST, LOWEST = 0.09, -0.04  # of the body's height above the shoulder joints: where a collar may lie
 TALLEST = 0.16  # the same on a trunk that goes on above the shoulders, as a robot's
 WIDEST = 0.12  # of the body's height: radius of a collar, at most
@@ -28,6 +29,13 @@ BROADEST = 0.35  # the same of a ring around the shoulders, at most
 UPPER_ARM = 0.15  # of the body's height: how far below the shoulder joints such a ring must be clear
 COLLARED = 0.27  # of the way from the neck's joint to the head's: where a collar lies, lower in front than behind
 AROUND = 96  # directions in which a collar is fitted
+RAISED = np.radians(75.0)  # arms from the direction down the trunk, where a garment is put on under them
+CLEARANCE = 0.0015  # m between a garment as it is cut and what stops it
+LIMB = 0.02  # of the body's height: radius of the thinnest limb that cloth hangs on, the forearm
+COARSEST = 0.06  # of the body's height: spacing at most
+STRAINED = 1.05  # length of a thread over that at rest, at most
+LEAST = 0.005  # m that colliders stop cloth at in any case: of thick cloth half of its own thickness
+WIDER = 1.3  # width of a cell over the mean spacing
 
 
 class Fitted:
@@ -38,18 +46,32 @@ class Fitted:
         shoulder_width: distance of its shoulder joints [m].
     """
 
-    def __init__(self, body: "Skeleton", colliders: Sequence[Shape]) -> None:
+    def __init__(
+        self, body: "Skeleton", colliders: Sequence[Shape], *, arms: float = AWAY, standing: bool = False
+    ) -> None:
         """Measure the body; its surface is looked at when a garment needs it.
+
+        Args:
+            body: whom.
+            colliders: its surface.
+            arms: angle of the arms from the direction down the trunk [rad].
+            standing: whether its legs are straight, or as they are in its typical pose.
 
         Raises:
             UnknownNameError: the body lacks a leg's or an arm's role.
         """
         self.height, self.shoulder_width = body.height(), body.shoulder_width()
-        self._body, self._solids = body, [(c, c.bone) for c in colliders if c.bone is not None]
+        self._body, self._colliders, self._arms, self._standing = body, colliders, arms, standing
+        self._solids = [(c, c.bone) for c in colliders if c.bone is not None]
+
+    def with_raised_arms(self) -> "Fitted":
+        """The same body as it stands where a garment is put on under its arms."""
+        return Fitted(self._body, self._colliders, arms=RAISED, standing=True)
 
     @cached_property
     def _rest(self) -> RestPose:
-        return lower_arms(self._body.rest)
+        rest = lower_arms(self._body.rest, self._arms)
+        return straighten_legs(rest) if self._standing else rest
 
     @cached_property
     def _axes(self) -> FloatArray:
@@ -60,7 +82,7 @@ class Fitted:
         return self._rest.middle("upper_arm")
 
     def _index(self, bone: str) -> int:
-        return self._rest.bones.index(self._rest.roles.get(bone, bone))
+        return self._rest.bones.index(bone) if bone in self._rest.bones else self._rest.bone(bone)
 
     @property
     def neck(self) -> FloatArray:
@@ -70,8 +92,26 @@ class Fitted:
         start, end = ((self._rest.origin(role) - self._origin) @ self._axes[:, 0] for role in ("neck", "head"))
         return np.array([start + COLLARED * (end - start), 0.0])
 
+    @property
+    def hips(self) -> FloatArray:
+        """Half way between the hip joints [m], shape (3,)."""
+        return (self._rest.middle("thigh") - self._origin) @ self._axes
+
+    @property
+    def crown(self) -> FloatArray:
+        """The top of the head [m], shape (3,).
+
+        Raises:
+            UnknownNameError: no bone plays the head.
+        """
+        return (self._rest.vertex - self._origin) @ self._axes
+
     def pose(self, bones: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        """Origins [m] (n, 3) and rotations bone_to_wearer wxyz (n, 4) of bones by name or role."""
+        """Origins [m] (n, 3) and rotations bone_to_wearer wxyz (n, 4) of bones by name or role.
+
+        Raises:
+            UnknownNameError: no bone plays one of the roles.
+        """
         chosen = [self._index(bone) for bone in bones]
         to_wearer = quaternions.conjugate(quaternions.from_matrix(self._axes))
         return (
@@ -97,24 +137,70 @@ class Fitted:
             middles[k] += self._rest.positions[bone]
         return middles, radii
 
-    def distances(self, points: FloatArray, *, within: float = np.inf) -> FloatArray:
+    def distances(
+        self,
+        points: FloatArray,
+        *,
+        within: float = np.inf,
+        only: Sequence[str] | None = None,
+        without: Sequence[str] = (),
+    ) -> FloatArray:
         """How far points of the wearer's frame [m], shape (..., 3), are from the nearest collider [m].
 
-        What is further than `within` [m] may be told to be infinitely far.
+        Args:
+            points: in the wearer's frame [m].
+            within: what is further [m] may be told to be infinitely far.
+            only: roles whose bones' colliders count, and those of the bones below, None for all.
+            without: roles whose bones' do not, nor those of the bones below.
         """
         places = points.reshape(-1, 3) @ self._axes.T + self._origin
         least = np.full(len(places), np.inf)
         if not len(places):
             return least.reshape(points.shape[:-1])
+        counted, skipped = (None if roles is None else self._bones(roles) for roles in (only, without))
         middles, radii = self._balls
         outside = middles - np.clip(middles, places.min(axis=0), places.max(axis=0))
         for k in np.flatnonzero(np.linalg.norm(outside, axis=1) <= radii + within):
             collider, name = self._solids[k]
             bone = self._index(name)
+            if (counted is not None and bone not in counted) or (skipped is not None and bone in skipped):
+                continue
             turn = quaternions.conjugate(self._rest.rotations_wxyz[bone])
             in_bone = quaternions.rotate(turn, places - self._rest.positions[bone])
             least = np.minimum(least, signed_distance(collider, in_bone))
         return least.reshape(points.shape[:-1])
+
+    def _bones(self, roles: Sequence[str]) -> set[int]:
+        """The bones of roles, where there are any, and all below them."""
+        starts = [self._rest.segment_start(role) for role in roles if role in self._rest.roles]
+        return {k for k in range(len(self._rest.bones)) for start in starts if self._rest.chain(start, k)[0] == start}
+
+    def way_out(
+        self,
+        origins: FloatArray,
+        directions: FloatArray,
+        clearance: float,
+        *,
+        only: Sequence[str] | None = None,
+        without: Sequence[str] = (),
+    ) -> FloatArray:
+        """How far one has to go along rays until the rest of the way is clear of the body [m], shape (...).
+
+        Args:
+            origins: where the rays begin [m], shape (..., 3), and
+            directions: where they go, of unit length, of a shape that fits.
+            clearance: least distance from the colliders [m].
+            only: as of `distances`.
+            without: as of `distances`.
+        """
+        shape = np.broadcast_shapes(origins.shape, directions.shape)[:-1]
+        ways, nearing = np.full(shape, BROADEST * self.height), np.ones(shape, dtype=bool)
+        while nearing.any():
+            # From outside inwards, each time by as much as is surely clear.
+            spare = self.distances(origins + ways[..., None] * directions, only=only, without=without) - clearance
+            nearing &= (spare > NEAR) & (ways > 0.0)
+            ways = np.where(nearing, np.maximum(ways - spare, 0.0), ways)
+        return ways
 
     def collar(self, clearance: float) -> tuple[float, float]:
         """Radius and height above the shoulder joints [m] of the narrowest ring around the neck that is clear of it.
@@ -171,3 +257,22 @@ class Fitted:
         x, y = self.neck[0] - radius * np.cos(angles), radius * np.sin(angles)
         ring = np.stack(np.broadcast_arrays(x[:, None], y[:, None], heights), axis=-1)
         return self.distances(ring, within=clearance) >= clearance
+
+
+def room_between(spacing: float, height: float) -> float:
+    """Distance from a limb at which the vertices of cloth hold all of it off the limb [m].
+
+    The middle of a cell, at p from its corners, is as far from the axis of a cylinder of radius r as
+    sqrt((r + t)^2 - p^2) when these are at t from its surface.
+
+    Args:
+        spacing: mean distance of neighbouring vertices [m].
+        height: of the body [m].
+
+    Raises:
+        ValueRangeError: the spacing is too wide to go around a neck.
+    """
+    if spacing > COARSEST * height:
+        raise ValueRangeError(f"a spacing of {spacing:g} m is too wide to go around a body {height:.2f} m tall")
+    from_corners = STRAINED * spacing * float(np.hypot(1.0, WIDER)) / 2.0
+    return max(float(np.hypot(LIMB * height, from_corners)) - LIMB * height, LEAST)

@@ -45,7 +45,7 @@ def fit_of(take: Take, cloth: Cloth, wearer: tuple[str, str, str] = Scene.wearer
 
     Args:
         take: of this cloth, on bones that have its wearer's.
-        cloth: whose regions "collar", and "bottom" or "hem", are looked at.
+        cloth: whose regions "collar", and "bottom" or "hem", are looked at; one that has a "waist" covers no shoulders.
         wearer: bones, or their roles, at which the left and the right arm begin, and the pelvis.
     """
     try:
@@ -58,7 +58,7 @@ def fit_of(take: Take, cloth: Cloth, wearer: tuple[str, str, str] = Scene.wearer
     hem, closed = _hem(cloth)
     at_rest = take.positions[0].astype(float)
     return Fit(
-        shoulders_covered=_shoulders_covered(take, (left, right), up),
+        shoulders_covered=_shoulders_covered(take, cloth, (left, right), up),
         collar_gap=None if gaps is None else float(gaps.max()),
         collar_gap_p95=None if gaps is None else float(np.percentile(gaps, MOST_OF_ALL)),
         folds=None if hem is None else folds(at_rest[hem], pelvis[0], up[0], closed=closed),
@@ -80,9 +80,9 @@ def _above_ankles(take: Take, hem: FloatArray) -> float | None:
     return float(hem[:, 2].mean() - np.mean(ankles, axis=0)[2])
 
 
-def _shoulders_covered(take: Take, joints: Sequence[FloatArray], up: FloatArray) -> float | None:
+def _shoulders_covered(take: Take, cloth: Cloth, joints: Sequence[FloatArray], up: FloatArray) -> float | None:
     body = _of_the_body(take)
-    if not body:
+    if not body or "waist" in cloth.regions:
         return None
     count, met = len(take.positions), []
     rays, frames = [], []

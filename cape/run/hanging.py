@@ -179,7 +179,7 @@ class Hanging:
         self._running = self._solver.init(self.assembly, self.state)
         self._sound = Bound(whereabouts, *self.state, FARTHEST_LEAP, FASTEST)
         self._slow = Bound(whereabouts, *self.state, FARTHEST_LEAP, WILD)
-        self.limit = StrainLimit(self.assembly, self.state, self._running.longest)
+        self.limit = StrainLimit(self.assembly, self.state, self._running.limits)
         ends = (np.ascontiguousarray(each) for each in (springs.first, springs.second))
         self._strain = Bound(is_strained, *self.state[:3], *ends, np.ascontiguousarray(springs.rest), STRAINED)
 

@@ -18,7 +18,7 @@ class StrainLimit:
     def __init__(self, assembly: Assembly, state: State, longest: NDArray[np.floating] | None) -> None:
         """Choose the threads of a scene that limits strain; of others none.
 
-        `longest` (2, N) is what steps let them be [m], None where nothing limits them.
+        `longest`, of a grid (2, N), of a mesh (n,), is what steps let them be [m], None where nothing limits them.
         """
         springs, free, fabric = assembly.springs, assembly.free, assembly.cloth.fabric
         chosen = springs.measured & (free[springs.first] | free[springs.second])

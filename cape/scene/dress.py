@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from cape.cloth.cloth import GridCloth
 from cape.cloth.fabric import Fabric
 from cape.garments import registry
 from cape.garments.base import Measures
@@ -41,9 +40,10 @@ def dress(
         body: the character.
         track: its motion, of all bones.
         garment: which of `GARMENTS`.
-        length: of the cape [m]; None for the garment's own, as 0.62 of the body's height.
-        flare: length of the hem divided by that of the neckline, or of the ring around the shoulders where the garment
-            lies on them; None for the garment's own.
+        length: of the garment [m], down from where it is held; None for its own, as 0.62 of the body's height. A sash
+            has none but that which it takes around the body.
+        flare: length of the hem divided by that of the neckline, or of the waist, or of the ring around the shoulders
+            where the garment lies on them; None for the garment's own.
         spacing: mean distance of neighbouring vertices [m]; None for the garment's own, as 0.0137 of the body's height.
         fabric: None for that of `Fabric()`.
         colliders: what surrounds its limbs; None for capsules by the proportions of the human body.
@@ -54,8 +54,8 @@ def dress(
 
     Raises:
         ValueRangeError: a size is out of range.
-        UnknownNameError: there is no such garment, or the body has no shoulders, upper arms, chest or pelvis that are
-            known by name.
+        UnknownNameError: there is no such garment, or the body has no shoulders, upper arms, chest, pelvis or head,
+            as far as the garment needs them, that are known by name.
     """
     kind = registry.garment(garment)
     colliders = body.capsules() if colliders is None else tuple(colliders)
@@ -65,19 +65,20 @@ def dress(
         body.role(role)  # says how to name a bone by hand where none is found
     scene = Scene(
         worn.cloth,
-        [attach(worn.cloth, hold.bone, hold.region, points=hold.points) for hold in worn.holds],
+        [attach(worn.cloth, h.bone, h.region, points=h.points, stiffness=h.stiffness) for h in worn.holds],
         (*colliders, floor_under(colliders, track)),
         wind=wind or Wind(),
         self_contact=_self_contact(worn.layered if self_contact is None else self_contact),
         thickness=Scene.thickness if worn.thickness is None else worn.thickness,
-        strain_limit=strain_limit and isinstance(worn.cloth, GridCloth),
+        strain_limit=strain_limit and worn.cloth.has_threads,
         wearer=(_beginning(body, WEARER_ROLES[0]), _beginning(body, WEARER_ROLES[1]), WEARER_ROLES[2]),
     )
     for bone in scene.bones:
         track.index(bone)
-    if not worn.arms_lowered:
+    if worn.put_on is None:
         return scene
-    return replace(scene, dressing=dict(zip(scene.bones, zip(*fitted.pose(scene.bones), strict=True), strict=True)))
+    pose = zip(*worn.put_on.pose(scene.bones), strict=True)
+    return replace(scene, dressing=dict(zip(scene.bones, pose, strict=True)))
 
 
 def _self_contact(asked: bool | SelfContact) -> SelfContact | None:

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.cloth.cloth import Cloth, GridCloth
+from cape.cloth.cloth import Cloth
 from cape.scene.attachments import Attachment
 from cape.scene.colliders import Collider
 from cape.scene.confinement import Confinement
@@ -43,8 +43,8 @@ class Scene:
         wearer: the bones, or their roles, at which the left and the right arm begin, and the pelvis: where a cape is.
         dressing: origin [m] and unit quaternion bone_to_wearer wxyz of each of `bones` in the wearer's frame, where the
             cloth is put on, before they go to where the motion begins; None to put it on there.
-        strain_limit: whether the threads of a grid stop stretching at the limits of their fabric (`Fabric.limit_warp`,
-            `limit_weft`), or follow their stiffness alone.
+        strain_limit: whether threads stop stretching at the limits of their fabric (`Fabric.limit_warp`, `limit_weft`),
+            or follow their stiffness alone; those of a grid, or of a mesh that tells which of its edges they are.
     """
 
     cloth: Cloth
@@ -67,8 +67,8 @@ class Scene:
         Raises:
             UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
             ValueRangeError: an attachment is of another cloth, a vertex is attached or confined twice, two colliders
-                share a name, a value is out of range, strain is to be limited in a mesh, or something goes by what is
-                held and nothing is.
+                share a name, a value is out of range, strain is to be limited in a mesh of unknown threads, or
+                something goes by what is held and nothing is.
         """
         for attachment in self.attachments:
             _require_of(self.cloth, attachment)
@@ -85,8 +85,8 @@ class Scene:
             raise ValueRangeError("tethers need vertices that are held hard")
         if not self.attachments and any(confinement.needs_holds for confinement in self.confinements):
             raise ValueRangeError("a bound by the distance from what is held needs an attachment")
-        if self.strain_limit and not isinstance(self.cloth, GridCloth):
-            raise ValueRangeError("only the threads of a grid have a strain limit: this cloth is a mesh")
+        if self.strain_limit and not self.cloth.has_threads:
+            raise ValueRangeError("only threads have a strain limit: this cloth is a mesh that does not tell its own")
         for name in ("friction", "thickness"):
             if not 0.0 <= getattr(self, name) < float("inf"):
                 raise ValueRangeError(f"{name} must be zero or more and finite, not {getattr(self, name)}")

@@ -63,6 +63,7 @@ from cape.kernels.solve.journal import (
     note_unlimited,
 )
 from cape.kernels.solve.lift import Lifted, lift_attached
+from cape.kernels.solve.link_limit import LimitedLinks, limit_links
 from cape.kernels.solve.slide import Sliding, slide
 from cape.kernels.solve.soft import Aiming, aim_pull
 from cape.kernels.solve.strain_limit import Limited, limit_across, limit_down
@@ -181,15 +182,21 @@ def end_substep(
 
 
 def _limit_strain(thread: Thread) -> list[Use]:
-    """Keep threads from stretching too far, those along columns, then those along rows, and out of limbs in the end."""
+    """Keep threads from stretching too far, and out of limbs in the end: those along a grid's columns, then those along
+    its rows, or those of a mesh as one thread of the team sees to them."""
     running, cloth, colliders = thread.running, thread.running.assembly.cloth, thread.contacts.colliders
-    if running.longest is None or not isinstance(cloth, GridCloth):
+    limiting = wait(thread)
+    if running.longest is not None and isinstance(cloth, GridCloth):
+        limited = Limited(running.state, thread.inverse_mass, running.longest, cloth.rows, cloth.columns)
+        limiting += [Use(limit_down, limited), *wait(thread), Use(limit_across, limited)]
+    elif running.links is None:
         return []
-    limited = Limited(running.state, thread.inverse_mass, running.longest, cloth.rows, cloth.columns)
+    elif thread.is_first:
+        limiting.append(Use(limit_links, LimitedLinks(running.state, thread.inverse_mass, running.links)))
+    limiting += wait(thread)
     uses = []
     if thread.journal is not None:
         uses.append(Use(note_unlimited, Noting(running.state, thread.journal)))
-    limiting = [*wait(thread), Use(limit_down, limited), *wait(thread), Use(limit_across, limited), *wait(thread)]
     if colliders is None:
         return [*uses, *limiting]
     drawing = Drawing(running.state, running.drawn, colliders)

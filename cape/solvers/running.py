@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly, longest_threads
 from cape.assembly.contact import Contacts
+from cape.assembly.mesh.limits import limited_links
 from cape.kernels.bones import Motion, MotionRoom
 from cape.kernels.contact.drawn import Drawn
 from cape.kernels.solve.journal import Journal
@@ -20,7 +21,8 @@ class Running:
         assembly: the scene's arrays.
         state: of the vertices, which steps change in place.
         arrays: the solver's own.
-        longest: that threads may get [m], shape (2, N); None where nothing limits strain.
+        longest: that threads of a grid may get [m], shape (2, N); None where nothing limits their strain.
+        links: those of a mesh that may get no longer than they are told to; None where nothing limits strain.
         drawn: what a limit of strain does to vertices that contact stops.
         motion: of the bones in a frame, filled anew for each.
         duration: of that frame [s], shape (1,).
@@ -31,12 +33,18 @@ class Running:
         """Hold the arrays; programs are made with the first step."""
         self.assembly, self.state, self.arrays = assembly, state, arrays
         self.longest = longest_threads(assembly, state.x.dtype.type)
-        limited = self.longest is not None and bool(assembly.scene.colliders)
+        self.links = limited_links(assembly, state.x.dtype.type)
+        limited = (self.longest is not None or self.links is not None) and bool(assembly.scene.colliders)
         self.drawn = Drawn.blank(assembly.cloth.vertices if limited else 1, acts=limited)
         bones = len(assembly.scene.bones) + 1
         self.motion = Motion(*(np.zeros((bones, size)) for size in (3, 4, 3, 4)))
         self.duration = np.zeros(1)
         self.frames: dict[int, Any] = {}
+
+    @property
+    def limits(self) -> NDArray[np.floating] | None:
+        """How long threads may get [m], of a grid shape (2, N), of a mesh (n,); None where nothing limits them."""
+        return self.longest if self.links is None else self.links.longest
 
     def go_on_with(self, assembly: Assembly) -> None:
         """Take the same assembly with other notes, as `Assembly.with_layers` gives it, for the steps to come."""

@@ -50,6 +50,7 @@ BAD = {
     "a single frame": (["replay", "still.bvh"], "single frame"),
     "an unknown fabric": (["replay", "--fabric", "steel"], "denim"),
     "an unknown garment": (["replay", "--garment", "toga"], "shoulder_cape"),
+    "a garment that takes no length": (["replay", "--garment", "sash", "--length", "1"], "takes no length"),
     "a garment that is too short": (["replay", "--garment", "cloak", "--length", "0.1"], "shoulders"),
     "an unknown solver": (["replay", "--solver", "magic"], "xpbd"),
     "an unknown layer": (["replay", "--layers", "cape,hat"], "hitboxes"),
@@ -310,8 +311,9 @@ def test_garments_are_listed_and_worn(once):
     told = unfolded(once("garments").stdout)
     assert all(f"{garment.name} {garment.title}" in told for garment in GARMENTS.values())
     assert once.facts("garments") == {garment.name: garment.title for garment in GARMENTS.values()}
-    command = ("replay", "walk", "--end", "0.1", "-o", "out.rrd", "--spacing", "0.06", "--garment", "half_cape")
-    assert once.facts(*command)["result"] == "finished"
+    command = ("replay", "walk", "--end", "0.1", "-o", "out.rrd", "--spacing", "0.06", "--garment")
+    for name in ("half_cape", "tabard"):
+        assert once.facts(*command, name)["result"] == "finished"
 
 
 @pytest.mark.parametrize("name", ["chiffon-weight", "jersey", "leather-weight"])

@@ -64,6 +64,8 @@ def mesh_springs(cloth: MeshCloth) -> Springs:
     stiffness = np.concatenate([edge_stiffness, cross_stiffness[kept]])
     rest = np.concatenate([edge_length, cross_length[kept]])
     measured = np.arange(len(pairs)) < len(edges.vertices)
+    if cloth.threads is not None:
+        measured &= np.isin(pairs @ [cloth.vertices, 1], cloth.threads @ [cloth.vertices, 1])
     order = np.lexsort((pairs[:, 1], pairs[:, 0]))
     bend_vertices, bend_coefficients, bend_stiffness = _bends(cloth, edges, area)
     return Springs(

@@ -14,10 +14,10 @@ from cape.measure.self_crossings import self_crossings
 from motions import quaternions
 from motions.errors import UnknownNameError, ValueRangeError
 from skeleton import Skeleton
-from skeleton.lowered_arms import AWAY, lower_arms
 from skeleton.solid_measures import signed_distance
+from skeleton.straight_limbs import AWAY, lower_arms
 
-COLLARED = ["shoulder_cape", "cloak", "half_cape"]
+COLLARED = ["shoulder_cape", "cloak", "half_cape", "hooded_cloak"]
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,6 @@
-"""A body with its arms hanging a little away from its sides, as one stands who is being dressed."""
+"""A body with straight limbs, its arms away from its sides a little or far, as one stands who is being dressed."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -11,15 +12,28 @@ from skeleton.rest import RestPose
 
 FloatArray = NDArray[np.float64]
 
-AWAY = np.radians(3.0)  # of an arm from the direction down the trunk
+AWAY = np.radians(3.0)  # of a limb that hangs from the direction down the trunk
 
 
-def lower_arms(rest: RestPose) -> RestPose:
-    """The body with both arms stretched, and hanging beside the trunk; as it is where it has none."""
+def lower_arms(rest: RestPose, away: float = AWAY) -> RestPose:
+    """The body with both arms stretched, at an angle [rad] from the direction down the trunk, to its sides.
+
+    It is as it was where it has no arms.
+    """
+    return _stretched(rest, ("upper_arm", "forearm", "hand"), away)
+
+
+def straighten_legs(rest: RestPose) -> RestPose:
+    """The body with both legs stretched, a little apart; as it is where it has none."""
+    return _stretched(rest, ("thigh", "shin", "foot"), AWAY)
+
+
+def _stretched(rest: RestPose, limb: Sequence[str], away: float) -> RestPose:
+    """The body with the joints of a limb in one line on both sides, at an angle [rad] from the direction down."""
     positions, rotations = rest.positions.copy(), rest.rotations_wxyz.copy()
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        wanted = np.sin(AWAY) * sign * rest.left - np.cos(AWAY) * rest.up
-        joints = [f"{side}_{limb}" for limb in ("upper_arm", "forearm", "hand")]
+        wanted = np.sin(away) * sign * rest.left - np.cos(away) * rest.up
+        joints = [f"{side}_{part}" for part in limb]
         joints = [rest.segment_start(joint) for joint in joints if joint in rest.roles]
         for start, end in pairwise(joints):
             turn = _turn(positions[end] - positions[start], wanted, about=rest.forward)

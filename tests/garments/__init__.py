@@ -1,0 +1,1 @@
+"""Tests of garments: how they are cut to a body, and worn."""
