@@ -11,15 +11,15 @@ from cape.run.auto import Auto, AutoSimulation
 from cape.run.batch import Batch
 from cape.run.simulate import SlowWarning, simulate
 from cape.run.simulation import Diverged, Simulation
-from cape.scene.attachments import Attachment, attach
 from cape.scene.colliders import Box, Collider, Cylinder, Ellipsoid, Plane, Sphere, TaperedCapsule
-from cape.scene.confinement import Confinement, confine
 from cape.scene.dress import dress
+from cape.scene.holding.attachments import Attachment, attach
+from cape.scene.holding.confinement import Confinement, confine
+from cape.scene.holding.tethers import Tethers
 from cape.scene.jumps import Cuts
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 from cape.scene.self_contact import SelfContact
-from cape.scene.tethers import Tethers
 from cape.scene.wind import Wind
 from cape.solvers import SOLVERS, TRBDF2, XPBD, BackwardEuler, Solver, SymplecticEuler, solver
 from motions.errors import UserError

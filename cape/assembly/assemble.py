@@ -19,7 +19,7 @@ from cape.kernels.solve.slide import Rails
 from cape.kernels.solve.soft import Pull
 from cape.kernels.solve.tethers import Tethers
 from cape.kernels.state import Inertia
-from cape.scene.attachments import Attachment
+from cape.scene.holding.attachments import Attachment
 from cape.scene.scene import Scene
 from motions.errors import ValueRangeError
 

@@ -14,7 +14,7 @@ from cape.kernels.solve.lift import Ties
 from cape.kernels.solve.slide import Rails
 from cape.kernels.solve.soft import Pull
 from cape.kernels.solve.tethers import Tethers
-from cape.scene.attachments import Attachment
+from cape.scene.holding.attachments import Attachment
 from cape.scene.scene import Scene
 
 FloatArray = NDArray[np.float64]

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from cape.cloth.normals import vertex_normals
 from cape.kernels.solve.attachments import Attached
-from cape.scene.attachments import Attachment
 from cape.scene.colliders import Collider
+from cape.scene.holding.attachments import Attachment
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 from motions import quaternions

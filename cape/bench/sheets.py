@@ -10,8 +10,8 @@ import numpy as np
 from cape.assembly.assemble import Assembly, assemble
 from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
-from cape.scene.attachments import attach
 from cape.scene.colliders import Box, Plane
+from cape.scene.holding.attachments import attach
 from cape.scene.scene import Scene
 from cape.scene.standard_scenes import StandardScene, swing
 from cape.scene.wind import Wind

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.cloth.fabric import Fabric
-from cape.scene.attachments import attach
 from cape.scene.colliders import Box, Collider, Plane, Sphere
+from cape.scene.holding.attachments import attach
 from cape.scene.jumps import Cuts
 from cape.scene.scene import Scene
 from cape.scene.standard_scenes import StandardScene, frame_times, track_of

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from cape.kernels.solve.journal import Journal
 from cape.kernels.state import State
 from cape.kernels.store import Request
 from cape.run.strain_limit import StrainLimit
+from cape.run.whereabouts import Frame, Hold, Moment, Place
 from cape.scene.jumps import rigid_motion
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene, require_held_once
@@ -36,45 +36,6 @@ FARTHEST = 1.0  # m from the cloth's middle to the origin that its positions ref
 WILD = 60.0  # m/s: faster than cloth gets on a body, and a sign that strained springs are too stiff for the step
 PARTED = 0.1  # of the way from the middle of all held points to the farthest: beyond it, bones pose otherwise
 STRAINED = 0.2  # from which on springs resist across their direction, too, as much as matters for the step
-
-
-class Moment(NamedTuple):
-    """The state at some time, and what was known then: how the cloth touches itself, which vertices two colliders
-    pinch, by how far threads have drawn them and if they are limited, where it is, if it is strained."""
-
-    state: tuple[NDArray[np.floating], ...]
-    layers: self_contact.Kept | None
-    pinched: NDArray[np.bool_]
-    drawn: FloatArray
-    limited: bool
-    center: FloatArray
-    strained: bool
-
-
-Hold = tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]
-"""Points, lift and drift of `Attached`."""
-
-
-class Place(NamedTuple):
-    """Where a cloth is, whatever solver and threads move it.
-
-    `state` is of the vertices as the scene numbers them, about `origin`, shape (V, 6); `hold` are the points, lift and
-    drift of all that bones carry.
-    """
-
-    origin: FloatArray
-    pose: Pose
-    state: FloatArray
-    hold: tuple[Hold, ...]
-
-
-class Frame(NamedTuple):
-    """All that a cloth goes on from after a frame: a moment, where its origin and the bones are, what they carry."""
-
-    moment: Moment
-    origin: FloatArray
-    pose: Pose
-    hold: tuple[Hold, ...]
 
 
 class Hanging:

@@ -14,8 +14,8 @@ from cape.kernels.store import Request
 from cape.measure.energy import Energy, energy_of
 from cape.measure.ledger import Ledger
 from cape.measure.meter import Meter, Reading
-from cape.run.hanging import SETTLING_FRAME, Hanging, Moment
-from cape.run.whereabouts import Diverged, Forecast, Mark, Snapshot
+from cape.run.hanging import SETTLING_FRAME, Hanging
+from cape.run.whereabouts import Diverged, Forecast, Mark, Moment, Snapshot
 from cape.scene.jumps import Cuts
 from cape.scene.poses import Bones, Pose, read_pose
 from cape.scene.scene import Scene

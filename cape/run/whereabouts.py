@@ -1,12 +1,56 @@
-"""Where a simulation was, what it takes, and how it fails."""
+"""Where a cloth and its simulation were, what a frame takes, and how it fails."""
 
 from typing import NamedTuple
 
-from cape.run.hanging import Frame, Place
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly import self_contact
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 from cape.solvers import Solver
 from motions.errors import UserError
+
+FloatArray = NDArray[np.float64]
+
+
+class Moment(NamedTuple):
+    """The state at some time, and what was known then: how the cloth touches itself, which vertices two colliders
+    pinch, by how far threads have drawn them and if they are limited, where it is, if it is strained."""
+
+    state: tuple[NDArray[np.floating], ...]
+    layers: self_contact.Kept | None
+    pinched: NDArray[np.bool_]
+    drawn: FloatArray
+    limited: bool
+    center: FloatArray
+    strained: bool
+
+
+Hold = tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]
+"""Points, lift and drift of `Attached`."""
+
+
+class Place(NamedTuple):
+    """Where a cloth is, whatever solver and threads move it.
+
+    `state` is of the vertices as the scene numbers them, about `origin`, shape (V, 6); `hold` are the points, lift and
+    drift of all that bones carry.
+    """
+
+    origin: FloatArray
+    pose: Pose
+    state: FloatArray
+    hold: tuple[Hold, ...]
+
+
+class Frame(NamedTuple):
+    """All that a cloth goes on from after a frame: a moment, where its origin and the bones are, what they carry."""
+
+    moment: Moment
+    origin: FloatArray
+    pose: Pose
+    hold: tuple[Hold, ...]
 
 
 class Forecast(NamedTuple):

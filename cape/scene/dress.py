@@ -8,9 +8,9 @@ from cape.cloth.fabric import Fabric
 from cape.garments import registry
 from cape.garments.base import Measures
 from cape.garments.fitting import Fitted
-from cape.scene.attachments import attach
 from cape.scene.colliders import Collider
 from cape.scene.floor import floor_under
+from cape.scene.holding.attachments import attach
 from cape.scene.scene import WEARER_ROLES, Scene
 from cape.scene.self_contact import SelfContact
 from cape.scene.wind import Wind

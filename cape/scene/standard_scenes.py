@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
-from cape.scene.attachments import attach
 from cape.scene.colliders import Box, Sphere
+from cape.scene.holding.attachments import attach
 from cape.scene.scene import Scene
 from cape.scene.wind import Wind
 from motions import quaternions

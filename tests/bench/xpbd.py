@@ -21,7 +21,7 @@ from cape.kernels.bones import Motion
 from cape.kernels.calling import Bound
 from cape.kernels.jit import kernel, routine
 from cape.kernels.state import State
-from cape.scene.attachments import attach
+from cape.scene.holding.attachments import attach
 from cape.scene.scene import Scene
 from cape.solvers import XPBD
 from tests.support.scenes import irregular

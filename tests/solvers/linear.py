@@ -9,7 +9,7 @@ from cape.kernels.linking import Linker
 from cape.kernels.program import run
 from cape.kernels.state import State
 from cape.kernels.team import Team
-from cape.scene.attachments import Attachment
+from cape.scene.holding.attachments import Attachment
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2
 from cape.solvers.matrix import link_blocks, matrix_of

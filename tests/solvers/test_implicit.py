@@ -9,8 +9,8 @@ from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
 from cape.kernels.contact import penalty
 from cape.kernels.implicit.implicit import GAMMA
-from cape.scene.attachments import Attachment
 from cape.scene.colliders import Plane, Sphere
+from cape.scene.holding.attachments import Attachment
 from cape.scene.scene import Scene
 from cape.scene.standard_scenes import STANDARD_SCENES
 from cape.scene.wind import Wind

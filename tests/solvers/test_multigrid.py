@@ -12,7 +12,7 @@ from cape.kernels.implicit import conjugate_gradients
 from cape.kernels.implicit.implicit import LINEAR, NEWTON
 from cape.kernels.implicit.levels import Level
 from cape.kernels.implicit.multigrid import DAMPING
-from cape.scene.attachments import Attachment
+from cape.scene.holding.attachments import Attachment
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2, BackwardEuler
 from tests.solvers.linear import FABRIC, LAYOUTS, B, Linear

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
-from cape.scene.attachments import attach
+from cape.scene.holding.attachments import attach
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2, BackwardEuler, Solver
 from tests.support.exact import ExactModel

@@ -8,8 +8,8 @@ import numpy as np
 from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
 from cape.cloth.fabrics import FABRICS
-from cape.scene.attachments import attach
 from cape.scene.colliders import Box, Sphere
+from cape.scene.holding.attachments import attach
 from cape.scene.scene import Scene
 from cape.scene.standard_scenes import StandardScene, draped, frame_times, plain, track_of, worn
 

@@ -15,7 +15,7 @@ from cape.cloth.fabric import Fabric
 from cape.cloth.triangle_mesh import locality_order, reordered
 from cape.kernels.bones import Motion
 from cape.kernels.state import State
-from cape.scene.attachments import attach
+from cape.scene.holding.attachments import attach
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2, XPBD, BackwardEuler, Solver, SymplecticEuler
 from skeleton.track import BoneTrack

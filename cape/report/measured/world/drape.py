@@ -26,7 +26,7 @@ from cape.report.measured.world import triangulations
 from cape.report.measured.world.rest import HAND, relax, started
 from cape.report.measured.world.rows import Row, mean, scatter
 from cape.run.simulation import Diverged
-from cape.scene.attachments import attach
+from cape.scene.holding.attachments import attach
 from cape.scene.scene import GRAVITY, Scene
 from cape.solvers.threads import available_cores
 

@@ -19,7 +19,7 @@ from cape.report.measured.world.pieces import strip_of
 from cape.report.measured.world.rest import HAND, STILL, relax, started
 from cape.report.measured.world.rows import Row
 from cape.run.simulation import Diverged, Simulation
-from cape.scene.attachments import attach
+from cape.scene.holding.attachments import attach
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 from cape.solvers import SymplecticEuler

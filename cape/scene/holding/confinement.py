@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape.cloth.cloth import Cloth
-from cape.scene.attachments import Attachment, Bones, attach
+from cape.scene.holding.attachments import Attachment, Bones, attach
 from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
