@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from motions.errors import FileError, UserError
+from motions.errors import FileError
 from motions.limits import LARGEST_FILE
 
 
@@ -55,10 +55,8 @@ def whole_file(path: Path) -> Iterator[Path]:
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
-    except (OSError, ValueError) as error:
-        if isinstance(error, UserError):
-            raise
-        raise FileError(f"can't write {path}: {getattr(error, 'strerror', None) or error}") from error
+    except OSError as error:
+        raise FileError(f"can't write {path}: {error.strerror}") from error
 
 
 def begin_file(path: Path) -> Path:

@@ -32,10 +32,9 @@ def _on_steps(simulation: Simulation) -> list[str]:
     notes = []
     if simulation.retried:
         notes.append(f"{simulation.retried} frames needed a smaller step than estimated")
-    if simulation.refined:
+    if simulation.troubled:
         notes.append(
-            f"{simulation.refined} frames were taken in shorter steps: they would not converge, parts whirled, or limbs"
-            " drew threads too far"
+            f"{simulation.troubled} frames were taken in shorter steps: they would not converge, or parts whirled"
         )
     if simulation.unconverged:
         notes.append(

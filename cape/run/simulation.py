@@ -49,7 +49,9 @@ class Simulation:
         substeps: steps of the last frame, as chosen first.
         retried: frames since the start that exploded and were done again in shorter steps.
         refined: frames that were taken in shorter steps, as the longer ones did not converge, made parts whirl,
-            strained springs or threads too far, or let thin colliders come by too far.
+            strained springs too far, or let thin colliders come by too far; those are not counted that only a limit of
+            strain needed.
+        troubled: those of them whose longer steps did not converge, or made parts whirl.
         unconverged: frames that did not converge in shorter steps either.
         cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
         jumps: frames in which the bones have jumped.
@@ -85,7 +87,7 @@ class Simulation:
         self.threads = threads or threads_for(scene.cloth.vertices)
         self.substeps = 0
         self.retried = 0
-        self.refined = 0
+        self.refined = self.troubled = 0
         self.unconverged = 0
         self.cuts = cuts
         self.jumps = self.renewed = 0
@@ -145,7 +147,7 @@ class Simulation:
             Diverged: the cloth explodes while it settles.
         """
         moving, turning = _vector(velocity, "velocity"), _vector(spin, "spin")
-        self.substeps = self.retried = self.refined = self.unconverged = self.jumps = self.renewed = 0
+        self.substeps = self.retried = self.refined = self.troubled = self.unconverged = self.jumps = self.renewed = 0
         self._put_on(read_pose(bones, self.bones), settle, moving, turning)
         self._open_ledger()
 
@@ -168,7 +170,7 @@ class Simulation:
         """
         if snapshot.scene is not self.scene:
             raise ValueRangeError("a simulation starts from a snapshot of its own scene only")
-        self.substeps = self.retried = self.refined = self.unconverged = self.jumps = self.renewed = 0
+        self.substeps = self.retried = self.refined = self.troubled = self.unconverged = self.jumps = self.renewed = 0
         cloth = self._cloth or self._put_on(snapshot.first_pose, 0.0)
         cloth.go_to(snapshot.place)
         self._open_ledger()
@@ -208,13 +210,17 @@ class Simulation:
         Raises:
             ValueRangeError: it has not been started.
         """
-        counts = (self.substeps, self.retried, self.refined, self.unconverged, self.jumps, self.renewed)
+        counts = (
+            self.substeps, self.retried, self.refined, self.troubled, self.unconverged, self.jumps, self.renewed
+        )  # fmt: skip
         return Mark(self._started.frame(), self.solver, counts)
 
     def go_back(self, mark: Mark) -> None:
         """Be where this simulation was, and know what it knew, in the steps that are taken now."""
         self._started.go_back_to(mark.frame)
-        self.substeps, self.retried, self.refined, self.unconverged, self.jumps, self.renewed = mark.counts
+        (
+            self.substeps, self.retried, self.refined, self.troubled, self.unconverged, self.jumps, self.renewed
+        ) = mark.counts  # fmt: skip
 
     def change_solver(self, solver: Solver) -> None:
         """Go on with another solver, or another number of its substeps, from where the cloth is.
@@ -355,13 +361,16 @@ class Simulation:
 
     def _try(self, cloth: Hanging, motion: Motion, dt: float, before: Moment) -> None:
         """Take a step at half the size while it explodes, a few times at most if it whirls or does not converge."""
-        substeps, exploded, refined = self.substeps, False, False
+        substeps, exploded, refined, troubled = self.substeps, False, False, False
         for attempt in range(RETRIES + 1):
             unconverged, sound = cloth.complete(motion, dt, substeps, before)
-            if attempt == 0 and sound and (needed := self._needed_substeps(cloth, substeps, dt)) > substeps:
-                cloth.restore(before)
-                substeps, refined = needed, True
-                unconverged, sound = cloth.complete(motion, dt, substeps, before)
+            if attempt == 0 and sound:
+                needed, drawing = self._needed_substeps(cloth, substeps, dt)
+                if max(needed, drawing) > substeps:
+                    refined = needed > substeps
+                    cloth.restore(before)
+                    substeps = max(needed, drawing)
+                    unconverged, sound = cloth.complete(motion, dt, substeps, before)
             if sound and cloth.limit.torn():
                 # No limit can be kept: threads are to share out by their stiffness what limbs draw them to.
                 cloth.restore(before)
@@ -371,27 +380,26 @@ class Simulation:
             if sound and attempt >= patience:
                 self.retried += exploded
                 self.refined += refined and unconverged == 0
+                self.troubled += troubled and unconverged == 0
                 self.unconverged += unconverged > 0
                 cloth.limit.rest()
                 cloth.note_lift(dt)
                 return
-            exploded, refined = exploded or not sound, refined or sound
+            exploded, refined, troubled = exploded or not sound, refined or sound, troubled or sound
             if attempt < RETRIES:
                 cloth.restore(before)
                 # A count between what explodes and what is stable may grow slowly enough to pass for sound.
                 substeps = max(2 * substeps, cloth.own_choice(dt, strained=True))
         raise _diverged(substeps)
 
-    def _needed_substeps(self, cloth: Hanging, substeps: int, dt: float) -> int:
-        """Substeps that a frame of `dt` [s] would have needed, seen after taking it in fewer."""
+    def _needed_substeps(self, cloth: Hanging, substeps: int, dt: float) -> tuple[int, int]:
+        """Substeps that a frame of `dt` [s] would have needed, seen after taking it in fewer; and for its threads."""
         if self.solver.substeps is not None:
-            return substeps
+            return substeps, substeps
         needed = math.ceil(substeps * min(cloth.haste, MOST_HASTE))
-        if cloth.limit.too_long():
-            needed = max(needed, DRAWING * substeps)
         if cloth.strained:
             needed = max(needed, cloth.choose_substeps(dt, strained=True))
-        return needed
+        return needed, DRAWING * substeps if cloth.limit.too_long() else substeps
 
     def forecast(self, dt: float) -> Forecast:
         """Tell what a frame of `dt` [s] takes, by stepping a part of one and taking it back.

@@ -133,6 +133,8 @@ def _cells(line: str) -> list[str]:
 def _rows(path: Path, lines: list[str], kept: list[int], width: int) -> FloatArray:
     """The numbers of some lines, all at once where they are sound, else one by one up to what is wrong."""
     texts = [re.sub(r"[,;\t]", " ", lines[number]) for number in kept]
+    if not kept or not any(map(str.strip, texts)):
+        return np.zeros((0, width))
     try:
         table = np.loadtxt(texts, ndmin=2, comments=None).reshape(len(kept), -1)
         if table.shape[1] == width and (np.abs(table) <= LARGEST_NUMBER).all():
