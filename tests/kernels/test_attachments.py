@@ -195,10 +195,11 @@ def on_a_rail(count: int, spacing: float) -> FloatArray:
 def lifted_from_a_bar(count: int, ties: Ties, points: FloatArray, duration: float) -> FloatArray:
     """Goals of points in the world [m] that are lifted out of an upright bar of 2 cm, once that has had its time."""
     bar = record(Capsule, (2.0, 0.02, 0, 0), thickness=0.0, origins=[0.0, 0.0, -1.0])
-    attached = Attached(np.arange(count), np.zeros(count, np.int64), points, *np.zeros((2, count, 3)))
+    lift, drift = np.zeros((count, 3)), np.zeros((count, 3))
+    attached = Attached(np.arange(count), np.zeros(count, np.int64), points, lift, drift)
     still = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]])
     lift_held(attached, ties, bar, Motion(*still, *still), MotionRoom.blank(1), duration)
-    return points + attached.lift + duration * attached.drift
+    return points + lift + duration * drift
 
 
 def test_neighbours_on_either_side_of_a_limb_are_not_led_apart():
