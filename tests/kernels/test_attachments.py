@@ -189,7 +189,9 @@ def test_the_drift_is_in_the_frame_of_the_bone():
 
 def on_a_rail(count: int, spacing: float) -> FloatArray:
     """Points along X, the middle one at 1 mm beside the upright axis."""
-    return np.stack([spacing * (np.arange(count) - count // 2) + 0.001, np.zeros(count), np.zeros(count)], axis=1)
+    points = np.zeros((count, 3))
+    points[:, 0] = spacing * (np.arange(count) - count // 2) + 0.001
+    return points
 
 
 def lifted_from_a_bar(count: int, ties: Ties, points: FloatArray, duration: float) -> FloatArray:
