@@ -16,10 +16,11 @@ NARROWEST, WIDEST = 0.19, 0.26  # of the body's height
 def fit(fitted: Fitted, measures: Measures) -> Worn:
     """Cut it as wide as the shoulders, and hang it on them by both ends of its neckline."""
     height = fitted.height
+    length, flare, spacing = measures.sizes(height, length=LENGTH, flare=FLARE, spacing=SPACING)
     cloth = Cloth.cape(
-        length=LENGTH * height if measures.length is None else measures.length,
-        flare=FLARE if measures.flare is None else measures.flare,
-        spacing=SPACING * height if measures.spacing is None else measures.spacing,
+        length=length,
+        flare=flare,
+        spacing=spacing,
         shoulder_width=float(np.clip(fitted.shoulder_width, NARROWEST * height, WIDEST * height)),
         fabric=measures.fabric,
     )

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.cloth import tailoring
 from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
 from cape.garments.fitting import Fitted
@@ -27,6 +28,18 @@ class Measures:
     flare: float | None = None
     spacing: float | None = None
     fabric: Fabric | None = None
+
+    def sizes(self, height: float, *, length: float, flare: float, spacing: float) -> tuple[float, float, float]:
+        """Length [m], flare and spacing [m] as asked, or a garment's own; lengths of these are shares of a height [m].
+
+        Raises:
+            ValueRangeError: one is not positive.
+        """
+        length = length * height if self.length is None else self.length
+        flare = flare if self.flare is None else self.flare
+        spacing = spacing * height if self.spacing is None else self.spacing
+        tailoring.require_positive(length=length, flare=flare, spacing=spacing)
+        return length, flare, spacing
 
 
 class Hold(NamedTuple):

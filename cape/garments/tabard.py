@@ -45,10 +45,7 @@ def fit(fitted: Fitted, measures: Measures) -> Worn:
         UnknownNameError: the body has no chest or pelvis.
     """
     body = fitted.with_raised_arms()
-    length = LENGTH * body.height if measures.length is None else measures.length
-    flare = FLARE if measures.flare is None else measures.flare
-    spacing = SPACING * body.height if measures.spacing is None else measures.spacing
-    tailoring.require_positive(length=length, flare=flare, spacing=spacing)
+    length, flare, spacing = measures.sizes(body.height, length=LENGTH, flare=FLARE, spacing=SPACING)
     thickness = room_between(spacing, body.height)
     tabard = lay_out(
         body, length=length, flare=flare, spacing=spacing, clearance=thickness + CLEARANCE,

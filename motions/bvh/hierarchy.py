@@ -11,7 +11,6 @@ from motions.files import printable
 from motions.limits import LARGEST_NUMBER
 
 CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
-LARGEST = LARGEST_NUMBER
 
 _CHANNEL = {name.lower(): name for name in CHANNELS}
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -61,7 +60,7 @@ class Hierarchy:
 def parse_number(word: str) -> float | None:
     """The number that a word states, None where it states none or one too large to be meant."""
     number = float(word) if _NUMBER.fullmatch(word) else np.inf
-    return number if abs(number) <= LARGEST else None
+    return number if abs(number) <= LARGEST_NUMBER else None
 
 
 def why_no_number(word: str) -> str:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motions.bvh.hierarchy import LARGEST, Hierarchy, parse_number, why_no_number
+from motions.bvh.hierarchy import Hierarchy, parse_number, why_no_number
 from motions.bvh.source import Source, shown
-from motions.limits import FASTEST, SLOWEST
+from motions.limits import FASTEST, LARGEST_NUMBER, SLOWEST
 
 FloatArray = NDArray[np.float64]
 
@@ -138,7 +138,7 @@ def _parse_numbers(source: Source, body: int, starts: NDArray[np.int64]) -> Floa
             values = np.fromstring(source.data[body:], dtype=np.float64, sep=" ")
         except ValueError:
             values = np.empty(0)
-    if len(values) == len(starts) and np.all(np.abs(values) <= LARGEST):
+    if len(values) == len(starts) and np.all(np.abs(values) <= LARGEST_NUMBER):
         return values
     one_by_one = []
     for start, word in zip(starts, source.data[body:].split(), strict=False):

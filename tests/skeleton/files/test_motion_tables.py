@@ -1,6 +1,5 @@
 """A robot's motion as people save it: names, orders, units, arrays, and files that are damaged or made to do harm."""
 
-import contextlib
 import io
 import os
 import zipfile
@@ -10,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from motions.arrays import read_arrays
+from motions.arrays import KINDS, read_arrays
 from motions.errors import FileError, ValueRangeError
 from motions.limits import LARGEST_ARRAYS, LARGEST_NUMBER
 from skeleton import Skeleton, column_names, load_configurations
@@ -183,8 +182,14 @@ def test_no_damage_to_an_archive_brings_the_reader_down(tmp_path, data):
         sound[place] = byte
     path = tmp_path / "damaged.npz"
     path.write_bytes(sound[: data.draw(st.integers(0, len(sound)))] if data.draw(st.booleans()) else sound)
-    with contextlib.suppress(FileError):
-        read_arrays(path)
+    try:
+        held = read_arrays(path)
+    except FileError:
+        return
+    # What is read in spite of the damage has passed the archive's checksums, or has become an array of another name.
+    assert all(array.dtype.kind in KINDS for array in held.values())
+    if "q" in held and held["q"].shape == (2, 3):
+        np.testing.assert_array_equal(held["q"], np.ones((2, 3)))
 
 
 def test_numbers_too_large_to_be_meant_are_told_with_their_line(tmp_path, g1):
