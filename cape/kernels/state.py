@@ -3,9 +3,16 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 Array = NDArray[np.floating]
+
+
+def aligned(size: int, dtype: DTypeLike) -> Array:
+    """Zeros from the start of a cache line on."""
+    array = np.zeros(size + 64, dtype)
+    start = -array.ctypes.data % 64 // array.itemsize
+    return array[start : start + size]
 
 
 class State(NamedTuple):

@@ -23,7 +23,7 @@ from cape.kernels.linking import Linker
 from cape.kernels.program import Use
 from cape.kernels.solve.attachments import Held, aim_attached
 from cape.kernels.solve.soft import Drawn, draw_vertices
-from cape.kernels.state import Inertia
+from cape.kernels.state import Inertia, aligned
 from cape.kernels.xpbd.bending import BendConstraints
 from cape.kernels.xpbd.formulas import Constraints
 from cape.kernels.xpbd.grid import GridConstraints, GridSweeps, dealt, hands_for, prepare_grid, solve_grid
@@ -213,7 +213,7 @@ class XPBD(Solver):
             springs=stretched,
             membrane=membrane,
             bends=self._bends(springs, weights, dtype) if len(springs.bend_vertices) else None,
-            packed=np.zeros(SIDE * (len(weights) + 1), dtype=dtype),
+            packed=aligned(SIDE * (len(weights) + 1), dtype),
             rows=np.zeros((len(assembly.ranks), 4 * NEXT), dtype=dtype),
         )
 

@@ -14,8 +14,9 @@ from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth
 from cape.kernels.cloth.membrane import SHAPE, MeshMembrane, Tension
 from cape.kernels.cloth.mesh import BLOCK, ENDS, SLICE, MeshAir, MeshSprings
-from cape.kernels.cloth.mesh_bending import SIDE, MeshBends
+from cape.kernels.cloth.mesh_bending import SIDE, SUMS, MeshBends
 from cape.kernels.cloth.sharing import share_items
+from cape.kernels.state import aligned
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -49,13 +50,13 @@ def mesh_bends_record(springs: Springs, vertices: int, dtype: type[np.floating])
     apart = (matrix.indices != row) & (matrix.data != 0.0)
     row, others, weight = row[apart], matrix.indices[apart], -matrix.data[apart]
     count = np.bincount(row, minlength=vertices)
-    width = count + count % 2
+    width = count + -count % SUMS
     start = np.concatenate([[0], np.cumsum(width)])
     place = start[row] + np.arange(len(row)) - (np.cumsum(count) - count)[row]
     table = np.repeat(np.arange(vertices, dtype=np.uint32), width)
     weights: NDArray[Any] = np.zeros(start[-1], dtype)
     table[place], weights[place] = others, weight
-    return MeshBends(start, table, weights, np.zeros(SIDE * vertices, dtype))
+    return MeshBends(start, table, weights, aligned(SIDE * vertices, dtype))
 
 
 def bend_matrix(springs: Springs, vertices: int) -> Any:

@@ -19,7 +19,7 @@ from numpy.typing import DTypeLike, NDArray
 from cape.kernels.absent import typed
 from cape.kernels.fused import fused
 from cape.kernels.jit import inlined, kernel, routine, unit
-from cape.kernels.state import State
+from cape.kernels.state import State, aligned
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.int64]
@@ -89,14 +89,7 @@ def grid_bends(springs: Array, twist: Array, columns: int, dtype: DTypeLike) -> 
 
 def grid_room(dtype: DTypeLike) -> GridRoom:
     """Make the scratch that `grid_forces` and `grid_air_forces` need, one for each thread."""
-    return GridRoom(_aligned(9 * STRIDE, dtype), _aligned(12 * STRIDE, dtype))
-
-
-def _aligned(size: int, dtype: DTypeLike) -> NDArray[np.floating]:
-    """Zeros from the start of a cache line on."""
-    array = np.zeros(size + 64, dtype)
-    start = -array.ctypes.data % 64 // array.itemsize
-    return array[start : start + size]
+    return GridRoom(aligned(9 * STRIDE, dtype), aligned(12 * STRIDE, dtype))
 
 
 class GridForces(NamedTuple):

@@ -155,7 +155,8 @@ def pack(lo, hi, x, y, z, vx, vy, vz, words):
 def interleave(n, p, v, packed):
     """Write p and v in turns."""
     for i in range(n):
-        packed[2 * i], packed[2 * i + 1] = p[i], v[i]
+        k = np.uint64(2 * i)
+        packed[k], packed[k + np.uint64(1)] = p[i], v[i]
 
 
 @kernel
@@ -181,15 +182,31 @@ def pull(
                 numbers, own, stiffness[block, d], rest[block, d], damping, tiny,
                 forces[(block * rows + d) * ENDS :], total,
             )  # fmt: skip
-        for i in range(n):
-            fx[start + i], fy[start + i], fz[start + i] = total[i], total[BLOCK + i], total[2 * BLOCK + i]
+        copy(n, total, fx[start:])
+        copy(n, total[BLOCK:], fy[start:])
+        copy(n, total[2 * BLOCK :], fz[start:])
 
 
 @inlined
 def take(n, a, b, c, to):
     """Copy n entries of three arrays behind one another, BLOCK apart."""
+    copy(n, a, to)
+    copy(n, b, to[BLOCK:])
+    copy(n, c, to[2 * BLOCK :])
+
+
+@inlined
+def copy(n, numbers, to):
+    """Copy n numbers; in a loop over several arrays LLVM asks of each number whether it is counted from the end."""
     for i in range(n):
-        to[i], to[BLOCK + i], to[2 * BLOCK + i] = a[i], b[i], c[i]
+        to[i] = numbers[i]
+
+
+@inlined
+def add(n, numbers, to):
+    """Add n numbers to others."""
+    for i in range(n):
+        to[i] += numbers[i]
 
 
 @inlined
@@ -249,10 +266,9 @@ def push(
                 corners, corners[2 * ENDS :], own, wind_x, wind_y, wind_z, share, drag, lift,
                 forces[(block * rows + d) * ENDS :], total,
             )  # fmt: skip
-        for i in range(n):
-            fx[start + i] += total[i]
-            fy[start + i] += total[BLOCK + i]
-            fz[start + i] += total[2 * BLOCK + i]
+        add(n, total, fx[start:])
+        add(n, total[BLOCK:], fy[start:])
+        add(n, total[2 * BLOCK :], fz[start:])
 
 
 @inlined

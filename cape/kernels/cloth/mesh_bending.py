@@ -12,20 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.kernels.absent import typed
-from cape.kernels.jit import intrinsic, kernel, unit
+from cape.kernels.jit import inlined, intrinsic, kernel, unit
 from cape.kernels.state import State
 from cape.kernels.team import meet
 
 Array = NDArray[np.floating]
 
 SIDE = 4  # numbers from one vertex to the next in `packed`, a power of two
+SUMS = 4  # sums that a row is added to by turns, a power of two
 
 
 class MeshBends(NamedTuple):
     """Rows of the matrix: `others` and `weight` [N/m] of vertex i stand from `start[i]` on; `start` (N + 1,).
 
-    Rows have an even number of others, filled up with the vertex itself, so that two sums are made at once. `packed`
-    (4 N,) is room for what the matrix is multiplied with.
+    Rows have a multiple of SUMS others, filled up with the vertex itself, so that as many sums are made at once.
+    `packed` (4 N,) is room for what the matrix is multiplied with.
     """
 
     start: NDArray[np.int64]
@@ -56,19 +57,24 @@ def mesh_bends(g, team, substep, substeps, step):
 def pack_moved(lo, hi, x, y, z, vx, vy, vz, time, packed):
     """Write positions [m] as they are after `time` [s], unless that is None, of vertices lo to hi side by side."""
     for i in range(lo, hi):
-        at = SIDE * i
         if time is None:
-            packed[at], packed[at + 1], packed[at + 2] = x[i], y[i], z[i]
+            put(packed, i, x[i], y[i], z[i])
         else:
-            packed[at], packed[at + 1], packed[at + 2] = x[i] + time * vx[i], y[i] + time * vy[i], z[i] + time * vz[i]
+            put(packed, i, x[i] + time * vx[i], y[i] + time * vy[i], z[i] + time * vz[i])
 
 
 @kernel
 def pack_vectors(lo, hi, x, y, z, packed):
     """Write three coordinates of vertices lo to hi side by side."""
     for i in range(lo, hi):
-        at = SIDE * i
-        packed[at], packed[at + 1], packed[at + 2] = x[i], y[i], z[i]
+        put(packed, i, x[i], y[i], z[i])
+
+
+@inlined
+def put(packed, i, x, y, z):
+    """Write three coordinates of vertex i side by side."""
+    at = np.uint64(SIDE * i)
+    packed[at], packed[at + np.uint64(1)], packed[at + np.uint64(2)] = x, y, z
 
 
 @kernel
@@ -85,19 +91,20 @@ def _row_sum(others, weight, packed, start, end, own):
     """What `row_sum` does, in numpy."""
     q = packed.reshape(-1, SIDE)
     pulls = weight[start:end, None] * (q[others[start:end]] - q[own])
-    total = np.cumsum(pulls[0::2], axis=0)[-1] + np.cumsum(pulls[1::2], axis=0)[-1] if end > start else 0 * q[own]
+    total = pulls.sum(axis=0)
     return total[0], total[1], total[2]
 
 
 @intrinsic(_row_sum)
 def row_sum(typingctx, others, weight, packed, start, end, own):
-    """Sum of weight (q_j - q_own) over the others of a row, an even number of them, by turns in two sums.
+    """Sum of weight (q_j - q_own) over the others of a row, by turns in SUMS sums that do not wait for each other.
 
     The coordinates of a vertex are one vector of `SIDE` numbers: LLVM itself takes them one by one, which makes twice
     as many instructions.
     """
     from llvmlite import ir
     from numba import types
+    from numba.core import cgutils
 
     def generate(context, builder, signature, arguments):
         number = context.get_value_type(signature.args[1].dtype)
@@ -112,24 +119,26 @@ def row_sum(typingctx, others, weight, packed, start, end, own):
             place = builder.gep(points, [builder.shl(index, word(SIDE.bit_length() - 1))])
             return builder.load(builder.bitcast(place, vector.as_pointer()), align=4)
 
-        def pull(index, origin):
+        def pull(total, index, origin):
             other = builder.zext(builder.load(builder.gep(rows, [index])), word)
             one = builder.load(builder.gep(weights, [index]))
             lane = builder.insert_element(ir.Constant(vector, ir.Undefined), one, ir.IntType(32)(0))
             every = ir.Constant(ir.VectorType(ir.IntType(32), SIDE), [0] * SIDE)
             spread = builder.shuffle_vector(lane, ir.Constant(vector, ir.Undefined), every)
-            return builder.fmul(spread, builder.fsub(point(other), origin))
+            return builder.call(multiply_add, [spread, builder.fsub(point(other), origin), total])
 
+        name = f"llvm.fmuladd.v{SIDE}{number.intrinsic_name}"
+        multiply_add = cgutils.get_or_insert_function(builder.module, ir.FunctionType(vector, (vector,) * 3), name)
         origin, before = point(mine), builder.block
         head, body, after = (builder.append_basic_block(name) for name in ("row", "pair", "sums"))
         builder.branch(head)
         builder.position_at_end(head)
         index = builder.phi(word)
-        sums = [builder.phi(vector), builder.phi(vector)]
+        sums = [builder.phi(vector) for _ in range(SUMS)]
         builder.cbranch(builder.icmp_signed("<", index, last), body, after)
         builder.position_at_end(body)
-        added = [builder.fadd(sums[k], pull(builder.add(index, word(k)), origin)) for k in range(2)]
-        following = builder.add(index, word(2))
+        added = [pull(sums[k], builder.add(index, word(k)), origin) for k in range(SUMS)]
+        following = builder.add(index, word(SUMS))
         builder.branch(head)
         index.add_incoming(first, before)
         index.add_incoming(following, body)
@@ -137,7 +146,9 @@ def row_sum(typingctx, others, weight, packed, start, end, own):
             total.add_incoming(ir.Constant(vector, [0.0] * SIDE), before)
             total.add_incoming(one, body)
         builder.position_at_end(after)
-        total = builder.fadd(*sums)
+        while len(sums) > 1:
+            sums = [builder.fadd(one, other) for one, other in zip(sums[::2], sums[1::2], strict=True)]
+        total = sums[0]
         parts = [builder.extract_element(total, ir.IntType(32)(k)) for k in range(3)]
         return context.make_tuple(builder, signature.return_type, parts)
 
