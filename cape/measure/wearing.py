@@ -45,12 +45,10 @@ def near_ray(
         triangles: three vertices each, shape (T, 3).
     """
     aside = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
-    places = (positions - origin) @ np.stack([aside, np.cross(direction, aside)], axis=1)
+    x, y = np.stack([aside, np.cross(direction, aside)]) @ (positions - origin).T
+    sides = (x > 0.0) | (x < 0.0) << np.uint8(1) | (y > 0.0) << np.uint8(2) | (y < 0.0) << np.uint8(3)  # a bit each
     a, b, c = triangles.T
-    around = np.ones(len(triangles), dtype=bool)
-    for side in (places <= 0.0, places >= 0.0):
-        around &= (side[a] | side[b] | side[c]).all(axis=1)
-    return np.flatnonzero(around)
+    return np.flatnonzero((sides[a] & sides[b] & sides[c]) == 0)
 
 
 def folds(hem: FloatArray, origin: FloatArray, axis: FloatArray, *, closed: bool = False) -> int:
