@@ -1,5 +1,7 @@
 """Cloth on moving bones: `Cloth`, `attach`, `Scene`, `simulate`, and `Simulation` for one's own loop."""
 
+from cape.air.record import WindRecord, read_wind
+from cape.air.wind import Wind
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.cloth.fabric import Fabric
 from cape.cloth.fabrics import FABRICS, MEASUREMENTS, fabric
@@ -10,7 +12,8 @@ from cape.results.take import Take
 from cape.run.auto import Auto, AutoSimulation
 from cape.run.batch import Batch
 from cape.run.simulate import SlowWarning, simulate
-from cape.run.simulation import Diverged, Simulation
+from cape.run.simulation import Simulation
+from cape.run.whereabouts import Diverged
 from cape.scene.colliders import Box, Collider, Cylinder, Ellipsoid, Plane, Sphere, TaperedCapsule
 from cape.scene.dress import dress
 from cape.scene.holding.attachments import Attachment, attach
@@ -20,7 +23,6 @@ from cape.scene.jumps import Cuts
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 from cape.scene.self_contact import SelfContact
-from cape.scene.wind import Wind
 from cape.solvers import SOLVERS, TRBDF2, XPBD, BackwardEuler, Solver, SymplecticEuler, solver
 from motions.errors import UserError
 from skeleton.shapes import Capsule
@@ -66,10 +68,12 @@ __all__ = [
     "Tethers",
     "UserError",
     "Wind",
+    "WindRecord",
     "attach",
     "confine",
     "dress",
     "fabric",
+    "read_wind",
     "simulate",
     "solver",
 ]

@@ -11,6 +11,7 @@ from cape.assembly.springs import Springs, springs_of
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.kernels.bones import MotionRoom
 from cape.kernels.cloth.grid import MOST_COLUMNS, GridRoom, grid_room
+from cape.kernels.cloth.stream import Stream
 from cape.kernels.self_contact.self_contact import Layers
 from cape.kernels.solve.attachments import Attached
 from cape.kernels.solve.confine import Confined
@@ -52,7 +53,8 @@ class Assembly:
         rails: curves along which vertices slide, in the same way; None for nothing.
         confined: what may not get far from where bones would carry it; None for nothing.
         tethers: from what bones hold hard to all that hangs on it; None for none.
-        wind: velocity of the air [m/s], shape (3,), in place: it changes while the cloth is put on.
+        wind: velocity of the air [m/s], shape (3,), in place: it changes while the cloth is put on. 0 in a stream.
+        stream: of a wind that is not everywhere and always alike, from frame to frame; None for one that is.
         ranks: for each thread of a run.
     """
 
@@ -70,6 +72,7 @@ class Assembly:
     confined: Confined | None
     tethers: Tethers | None
     wind: FloatArray
+    stream: Stream | None
     ranks: tuple[Rank, ...]
 
     @property
@@ -149,6 +152,8 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
     contacts = contacts_of(scene, cloth, loose)
     hard, soft, sliding = by_kind(holds)
     attached, springs = attached_of(scene, hard), springs_of(cloth)
+    varies = scene.wind is not None and scene.wind.varies
+    stream = Stream(*np.zeros((3, 3, cloth.vertices))) if varies else None
     return Assembly(
         scene=scene,
         cloth=cloth,
@@ -163,7 +168,8 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
         rails=rails_of(scene, sliding),
         confined=confined_of(scene, cloth, vertices, np.arange(cloth.vertices) if order is None else np.argsort(order)),
         tethers=tethers_of(scene, cloth, attached),
-        wind=np.array((0.0, 0.0, 0.0) if scene.wind is None else scene.wind.velocity, dtype=float),
+        wind=np.array((0.0, 0.0, 0.0) if stream or scene.wind is None else scene.wind.velocity, dtype=float),
+        stream=stream,
         ranks=tuple(
             Rank(for_another_thread(contacts) if rank else contacts, MotionRoom.blank(len(scene.bones) + 1))
             for rank in range(threads)

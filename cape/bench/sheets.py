@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from cape.air.wind import Wind
 from cape.assembly.assemble import Assembly, assemble
 from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
@@ -14,7 +15,6 @@ from cape.scene.colliders import Box, Plane
 from cape.scene.holding.attachments import attach
 from cape.scene.scene import Scene
 from cape.scene.standard_scenes import StandardScene, swing
-from cape.scene.wind import Wind
 from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack
 

@@ -143,6 +143,20 @@ def cut(
     wind: Annotated[
         tuple[float, float, float], typer.Option(metavar="X Y Z", help="Velocity of the air [m/s], Z up.")
     ] = (0.0, 0.0, 0.0),
+    gusts: Annotated[
+        float, typer.Option(metavar="SHARE", help="Gusts: root mean square, as a share of the wind's mean.")
+    ] = 0.0,
+    turbulence: Annotated[
+        float,
+        typer.Option(metavar="M/S", help="Eddies that the wind carries along: root mean square of each component."),
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(help="Of gusts and eddies: the same one gives the same wind.")] = 0,
+    wind_file: Annotated[
+        Path | None, typer.Option(help="A wind that was measured: lines of time [s], x, y, z [m/s] between commas.")
+    ] = None,
+    shelter: Annotated[
+        bool, typer.Option("--shelter", help="Let the body keep the wind off what is behind it.")
+    ] = False,
     cuts: Annotated[
         str,
         typer.Option(help="Where the bones jump, carry the cape along or reset it; off takes jumps as motion."),
@@ -177,6 +191,11 @@ def cut(
         tolerance=tolerance,
         budget=budget,
         wind=wind,
+        gusts=gusts,
+        turbulence=turbulence,
+        seed=seed,
+        wind_file=wind_file,
+        shelter=shelter,
         cuts=cuts,
         self_contact=self_contact,
         strain_limit=strain_limit,

@@ -15,7 +15,8 @@ from cape.cli.compiling_told import telling
 from cape.results.take import Take
 from cape.run.auto import Auto
 from cape.run.simulate import SlowWarning, simulate
-from cape.run.simulation import DEFAULT_CUTS, Diverged
+from cape.run.simulation import DEFAULT_CUTS
+from cape.run.whereabouts import Diverged
 from cape.scene.jumps import Cuts
 from cape.scene.scene import Scene
 from cape.solvers import Solver

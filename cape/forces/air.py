@@ -1,8 +1,9 @@
 """Drag and lift of the air on the triangles of a cloth."""
 
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
 from cape.cloth.cloth import GridCloth
@@ -11,6 +12,18 @@ from cape.kernels.cloth.grid import GridAir, GridAirForces, grid_air
 from cape.kernels.cloth.mesh import MeshAir, MeshAirForces, mesh_air
 from cape.kernels.program import Use
 from cape.scene.scene import Scene
+
+
+class Blown(NamedTuple):
+    """The air on a cloth, and room for velocities against it (3, N), None where the wind is everywhere alike."""
+
+    air: GridAir | MeshAir
+    relative: NDArray[np.floating] | None
+
+
+def relative_room(assembly: Assembly, dtype: type[np.floating]) -> NDArray[np.floating] | None:
+    """Room for velocities against a stream (3, N), None without one."""
+    return None if assembly.stream is None else np.zeros((3, assembly.cloth.vertices), dtype)
 
 
 class Air(Force):
@@ -25,23 +38,25 @@ class Air(Force):
         return scene.wind is not None
 
     @staticmethod
-    def arrays(assembly: Assembly, dtype: type[np.floating]) -> GridAir | MeshAir:
+    def arrays(assembly: Assembly, dtype: type[np.floating]) -> Blown:
         """The air on the cells of a grid, or on the triangles of a mesh."""
+        relative = relative_room(assembly, dtype)
         cloth, wind = assembly.cloth, assembly.scene.wind
         assert wind is not None
         air = (assembly.wind, wind.density * wind.drag / 12.0, wind.density * wind.lift / 12.0)
         if isinstance(cloth, GridCloth):
             cells = np.zeros((cloth.rows, cloth.columns), dtype=dtype)
             cells[:-1, :-1] = 1.0
-            return GridAir(*air, cells.ravel(), cloth.columns)
+            return Blown(GridAir(*air, cells.ravel(), cloth.columns), relative)
         from cape.assembly.mesh.links import mesh_air_record
 
-        return mesh_air_record(cloth, *air, dtype)
+        return Blown(mesh_air_record(cloth, *air, dtype), relative)
 
     @staticmethod
-    def uses(acting: Acting, arrays: GridAir | MeshAir) -> list[Use]:
-        """One unit, for grids or for meshes."""
-        if isinstance(arrays, GridAir):
-            assert acting.room is not None
-            return [Use(grid_air, GridAirForces(acting.state, arrays, acting.forces, acting.room))]
-        return [Use(mesh_air, MeshAirForces(acting.state, arrays, acting.forces))]
+    def uses(acting: Acting, arrays: Blown) -> list[Use]:
+        """One unit, for grids or for meshes, after one for velocities against a stream."""
+        seen, uses = acting.against(arrays.relative)
+        if isinstance(arrays.air, GridAir):
+            assert seen.room is not None
+            return [*uses, Use(grid_air, GridAirForces(seen.state, arrays.air, seen.forces, seen.room))]
+        return [*uses, Use(mesh_air, MeshAirForces(seen.state, arrays.air, seen.forces))]

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
 from cape.kernels.cloth.grid import GridRoom
+from cape.kernels.cloth.stream import Against, against_stream
 from cape.kernels.program import Use
 from cape.kernels.state import State
 from cape.scene.scene import Scene
@@ -23,6 +24,18 @@ class Acting(NamedTuple):
     state: State
     forces: NDArray[np.floating]
     room: GridRoom | None
+
+    def against(self, relative: NDArray[np.floating] | None) -> tuple["Acting", list[Use]]:
+        """The same with velocities (3, N) against the air of the stream, and the unit that sets them.
+
+        Itself, and no unit, where None is given for `relative`, which threads share.
+        """
+        if relative is None:
+            return self, []
+        stream = self.assembly.stream
+        assert stream is not None
+        seen = State(*self.state[:3], *relative)
+        return self._replace(state=seen), [Use(against_stream, Against(self.state, stream, relative))]
 
     @property
     def dtype(self) -> type[np.floating]:

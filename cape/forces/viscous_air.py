@@ -1,14 +1,23 @@
 """Air that sticks to a cloth."""
 
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
+from cape.forces.air import relative_room
 from cape.forces.base import Acting, Force
 from cape.kernels.cloth.skin import Skin, SkinForces, skin_drag
 from cape.kernels.program import Use
 from cape.scene.scene import Scene
+
+
+class Sticking(NamedTuple):
+    """Air that sticks, and room for velocities against it (3, N), None where the wind is everywhere alike."""
+
+    skin: Skin
+    relative: NDArray[np.floating] | None
 
 
 class ViscousAir(Force):
@@ -23,14 +32,16 @@ class ViscousAir(Force):
         return scene.wind is not None and scene.wind.viscous > 0.0
 
     @staticmethod
-    def arrays(assembly: Assembly, dtype: type[np.floating]) -> Skin:
+    def arrays(assembly: Assembly, dtype: type[np.floating]) -> Sticking:
         """The force per speed on each vertex."""
         wind = assembly.scene.wind
         assert wind is not None
         areas = assembly.mass / assembly.cloth.fabric.density
-        return Skin(assembly.wind, (wind.viscous * areas).astype(dtype))
+        skin = Skin(assembly.wind, (wind.viscous * areas).astype(dtype))
+        return Sticking(skin, relative_room(assembly, dtype))
 
     @staticmethod
-    def uses(acting: Acting, arrays: Skin) -> list[Use]:
-        """One unit for any cloth."""
-        return [Use(skin_drag, SkinForces(acting.state, arrays, acting.forces))]
+    def uses(acting: Acting, arrays: Sticking) -> list[Use]:
+        """One unit for any cloth, after one for velocities against a stream."""
+        seen, uses = acting.against(arrays.relative)
+        return [*uses, Use(skin_drag, SkinForces(seen.state, arrays.skin, seen.forces))]

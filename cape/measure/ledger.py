@@ -203,7 +203,8 @@ class Ledger:
             goals = None if journal.goals is None else journal.goals[first : first + len(ended) + 1]
             unlimited = None if journal.unlimited is None else journal.unlimited[some].astype(float)
             pressed = journal.pressed[some]
-            sums += self._work_of_steps(assembly, begin, integrated, unlimited, ended, pressed, goals, h)
+            shares = (first + np.arange(len(ended) + 1)) / len(journal.ended)
+            sums += self._work_of_steps(assembly, begin, integrated, unlimited, ended, pressed, goals, shares, h)
             begin = ended[-1]
         return sums
 
@@ -216,17 +217,19 @@ class Ledger:
         ended: FloatArray,
         pressed: NDArray[np.bool_],
         goals: FloatArray | None,
+        shares: FloatArray,
         h: float,
     ) -> FloatArray:
         """The same for S of the steps, as a journal has them, of which the first starts at the state `begin`.
 
-        `goals` (S + 1, 6, n) are those of springs that hold the cloth, None without any.
+        `goals` (S + 1, 6, n) are those of springs that hold the cloth, None without any; `shares` (S + 1,) is how much
+        of the frame has passed at each state.
         """
         assert self._forces is not None
         mass, held = assembly.mass, ~assembly.free
         states = np.concatenate([begin[None], ended])
         begun = states[:-1]
-        forces = self._forces.at(states, goals)
+        forces = self._forces.at(states, goals, shares)
         damping, air = 0.5 * (forces[1:, :-1] + forces[1:, 1:])
         halfway = None if goals is None else 0.5 * (goals[:-1] + goals[1:])
         between = self._forces.conservative(0.5 * (begun + ended), halfway)
@@ -307,15 +310,27 @@ class _Forces:
                 uses += force.uses(acting, force.arrays(self.assembly, np.float64))
         return self._linker.frame([], uses, Team.alone(len(self._state.x))) if uses else None
 
-    def at(self, states: FloatArray, goals: FloatArray | None) -> FloatArray:
+    def at(self, states: FloatArray, goals: FloatArray | None, shares: FloatArray) -> FloatArray:
         """Springs and weight, damping, and air [N] at states (S, 6, N); shape (3, S, 3, N).
 
-        `goals` (S, 6, n) are those of springs that hold the cloth, None without any.
+        `goals` (S, 6, n) are those of springs that hold the cloth, None without any; `shares` (S,) is how much of the
+        frame has passed.
         """
         conservative = self.conservative(states, goals)
         springs = self._compute("elastic", states) + self._compute("hold", states, goals)
         damping = springs - (conservative - self.weight)
-        return np.stack([conservative, damping, self._compute("air", states)])
+        return np.stack([conservative, damping, self._air(states, shares)])
+
+    def _air(self, states: FloatArray, shares: FloatArray) -> FloatArray:
+        """Forces of the air [N] at states (S, 6, N) after shares of the frame (S,); shape (S, 3, N)."""
+        stream = self.assembly.stream
+        if stream is None:
+            return self._compute("air", states)
+        found = []
+        for state, share in zip(states, shares, strict=True):
+            stream.now[:] = stream.begin + share * (stream.end - stream.begin)
+            found.append(self._compute("air", state[None]))
+        return np.concatenate(found)
 
     def conservative(self, states: FloatArray, goals: FloatArray | None) -> FloatArray:
         """Springs and weight [N] at states (S, 6, N), whatever their velocities; shape (S, 3, N)."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.air.wind import Wind
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.cloth.fabric import Fabric
 from cape.scene.colliders import Box, Collider, Plane, Sphere
@@ -16,7 +17,6 @@ from cape.scene.holding.attachments import attach
 from cape.scene.jumps import Cuts
 from cape.scene.scene import Scene
 from cape.scene.standard_scenes import StandardScene, frame_times, track_of
-from cape.scene.wind import Wind
 from skeleton.shapes import Capsule
 
 FloatArray = NDArray[np.float64]

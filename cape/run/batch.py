@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape.kernels.linking import arrivals_for
-from cape.run.simulation import Diverged, Simulation
+from cape.run.simulation import Simulation
+from cape.run.whereabouts import Diverged
 from cape.scene.poses import Bones
 from cape.solvers.threads import available_cores, run
 from motions.errors import UserError, ValueRangeError

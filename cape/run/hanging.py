@@ -16,6 +16,7 @@ from cape.kernels.solve.journal import Journal
 from cape.kernels.state import State
 from cape.kernels.store import Request
 from cape.run.strain_limit import StrainLimit
+from cape.run.weather import Weather
 from cape.run.whereabouts import Frame, Hold, Moment, Place
 from cape.scene.jumps import rigid_motion
 from cape.scene.poses import Pose
@@ -51,6 +52,7 @@ class Hanging:
         keeps_journal: whether it is noted what substeps do.
         journal: of the last frame that was noted.
         limit: of the strain of its threads, from frame to frame.
+        time: since the bones left their first pose [s].
     """
 
     def __init__(self, scene: Scene, solver: Solver, pose: Pose, *, threads: int) -> None:
@@ -78,6 +80,7 @@ class Hanging:
         ]
         self._animate(positions)
         self._center, self.strained = np.zeros(3), False
+        self.time, self._weather = 0.0, Weather(self.assembly)
         self.keeps_journal = False
         self.journal: Journal | None = None
 
@@ -163,8 +166,8 @@ class Hanging:
         if duration is None:
             moves = any(not np.array_equal(worn, spread) for _, worn, spread in self._ways)
             duration = SETTLING_TIME if dressed or moves else 0.0
-        wind = self.assembly.wind
-        wind -= velocity
+        wind = self.assembly.wind  # which stays zero in a stream
+        wind -= velocity if self.assembly.stream is None else 0.0
         leave, arrive = DRESSED_TIME if dressed else (0.0, PUT_ON_TIME)
         if dressed and duration < arrive:
             leave, arrive = leave * duration / arrive, duration
@@ -178,6 +181,7 @@ class Hanging:
                 attached.points[:] = spread + share * (worn - spread)
             share = min(max((now - leave) / (arrive - leave), 0.0), 1.0) if dressed else 1.0
             pose = begin.towards(end, share * share * (3.0 - 2.0 * share)) if share < 1.0 else end
+            self.blow(pose, 0.0, against=velocity)
             self.complete(Motion(*self.pose, *pose), SETTLING_FRAME, substeps, self.moment())
             self.pose = pose
             self.note_lift(SETTLING_FRAME)
@@ -191,7 +195,21 @@ class Hanging:
         if self.pose is not end and dressed:
             self.carry(end)  # there was no time to move
         self._aim()
-        wind += velocity
+        wind += velocity if self.assembly.stream is None else 0.0
+
+    def blow(self, pose: Pose, duration: float, *, against: FloatArray | float = 0.0) -> None:
+        """Have the wind blow as it does in a frame of `duration` [s] in which the bones move to a pose.
+
+        It comes as if all moved on at a velocity `against` it [m/s].
+
+        Raises:
+            ValueRangeError: the field of the wind gives no finite velocities.
+        """
+        stream = self.assembly.stream
+        if stream is not None:
+            self._weather.blow(self.state, self.origin, (self.pose, pose), self.time, duration)
+            for velocities in (stream.begin, stream.end):
+                velocities -= np.reshape(against, (-1, 1))
 
     def set_out(self, velocity: FloatArray, spin: FloatArray) -> None:
         """Give the cloth the velocity [m/s] and spin [rad/s] of what holds it, as if it were rigid."""
@@ -221,7 +239,7 @@ class Hanging:
     def place(self) -> Place:
         """Where the cloth is, for another one of the same scene."""
         state = np.stack(self.state, axis=1).astype(float)
-        return Place(self.origin, self.pose, self.assembly.outwards(state), self._hold())
+        return Place(self.origin, self.pose, self.assembly.outwards(state), self._hold(), self.time)
 
     def _hold(self) -> tuple[Hold, ...]:
         """A copy of how bones carry what they carry."""
@@ -241,7 +259,7 @@ class Hanging:
 
     def go_to(self, place: Place) -> None:
         """Take the place, speed and hold of another one of the same scene; what layers and limbs hold is found anew."""
-        self.origin, self.pose = place.origin, place.pose
+        self.origin, self.pose, self.time = place.origin, place.pose, place.time
         for component, values in zip(self.state, self.assembly.inwards(place.state).T, strict=True):
             component[:] = values
         self._pinched[:] = False
@@ -394,12 +412,12 @@ class Hanging:
 
     def frame(self) -> Frame:
         """A copy of all that the cloth goes on from."""
-        return Frame(self.moment(), self.origin, self.pose, self._hold())
+        return Frame(self.moment(), self.origin, self.pose, self._hold(), self.time)
 
     def go_back_to(self, frame: Frame) -> None:
         """Put all that back, in the precision of the solver that there is now."""
         self.restore(frame.moment)
-        self.origin, self.pose = frame.origin, frame.pose
+        self.origin, self.pose, self.time = frame.origin, frame.pose, frame.time
         self._hold_again(frame.hold)
 
     @contextmanager

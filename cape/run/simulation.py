@@ -1,6 +1,5 @@
 """A cloth that is being simulated: put on, settled, and stepped along with its bones."""
 
-import math
 import time
 
 import numpy as np
@@ -14,8 +13,9 @@ from cape.kernels.store import Request
 from cape.measure.energy import Energy, energy_of
 from cape.measure.ledger import Ledger
 from cape.measure.meter import Meter, Reading
+from cape.run.attempts import diverged, take_frame
 from cape.run.hanging import SETTLING_FRAME, Hanging
-from cape.run.whereabouts import Diverged, Forecast, Mark, Moment, Snapshot
+from cape.run.whereabouts import Forecast, Mark, Snapshot
 from cape.scene.jumps import Cuts
 from cape.scene.poses import Bones, Pose, read_pose
 from cape.scene.scene import Scene
@@ -26,12 +26,7 @@ from motions.errors import ValueRangeError, require_whole
 
 FloatArray = NDArray[np.float64]
 
-RETRIES = 4  # each at half the step or less
-CONVERGENCE_RETRIES = 2  # after which a step that did not converge is kept, and counted
-WHIRL_RETRIES = 3  # after which one that whirls is kept
 MOST_THREADS = 1024
-DRAWING = 6  # times as many steps as usual, that are taken where a limit of strain is not kept
-MOST_HASTE = 8.0  # times as many steps as usual, that are taken for thin colliders that come by fast
 FORECAST_SUBSTEPS = 50
 DEFAULT_CUTS = Cuts()
 
@@ -268,6 +263,11 @@ class Simulation:
         return list(found)
 
     @property
+    def _is_fixed(self) -> bool:
+        """Whether the number of substeps was asked for."""
+        return self.solver.substeps is not None
+
+    @property
     def _solvers(self) -> tuple[Solver, ...]:
         """The solvers that a run may use."""
         return (self.solver,)
@@ -320,9 +320,15 @@ class Simulation:
             cloth = self._jump(pose, cuts)
         pose = pose.moved(-cloth.origin)
         self.substeps = cloth.choose_substeps(dt, strained=cloth.strained)
+        cloth.blow(pose, dt)
         with cloth.taken_back() as before:
-            self._try(cloth, Motion(*cloth.pose, *pose), dt, before)
+            taken = take_frame(cloth, Motion(*cloth.pose, *pose), dt, self.substeps, before, fixed=self._is_fixed)
+        self.retried += taken.exploded
+        self.refined += taken.refined
+        self.troubled += taken.troubled
+        self.unconverged += taken.unconverged
         cloth.pose = pose
+        cloth.time += dt
         if self.ledger is not None and cloth.journal is not None:
             self.ledger.enter(cloth.assembly, State(*before.state), cloth.origin, cloth.journal, dt)
 
@@ -333,15 +339,24 @@ class Simulation:
             self.ledger.begin(cloth.assembly, cloth.state, cloth.origin, sweeps=self.solver.sweeps)
 
     def _put_on(
-        self, pose: Pose, settle: float | None, moving: FloatArray | float = 0.0, turning: FloatArray | float = 0.0
+        self,
+        pose: Pose,
+        settle: float | None,
+        moving: FloatArray | float = 0.0,
+        turning: FloatArray | float = 0.0,
+        time: float = 0.0,
     ) -> Hanging:
-        """Put the cloth on bones at a pose, to set out with a velocity [m/s] and a spin [rad/s], shape (3,) each."""
+        """Put the cloth on bones at a pose, to set out with a velocity [m/s] and a spin [rad/s], shape (3,) each.
+
+        `time` [s] is since the bones left their first pose.
+        """
         self._cloth, self._first_pose = None, pose
         cloth = Hanging(self.scene, self.solver, pose, threads=self.threads)
+        cloth.time = time
         cloth.settle(settle, np.broadcast_to(moving, 3))
         cloth.set_out(np.broadcast_to(moving, 3), np.broadcast_to(turning, 3))
         if not cloth.look():
-            raise _diverged(cloth.own_choice(SETTLING_FRAME))
+            raise diverged(cloth.own_choice(SETTLING_FRAME))
         cloth.keeps_journal = self.ledger is not None
         self._cloth = cloth
         return cloth
@@ -353,53 +368,11 @@ class Simulation:
         if cuts.then == "reset" or (worn and not cloth.can_be_carried(pose.moved(-cloth.origin))):
             self.renewed += 1
             if worn:
-                return self._put_on(pose, None)
+                return self._put_on(pose, None, time=cloth.time)
             # A cloth that started in the world did so where the first pose of its bones was.
-            cloth = self._put_on(self._first_pose, None)
+            cloth = self._put_on(self._first_pose, None, time=cloth.time)
         cloth.carry(pose.moved(-cloth.origin))
         return cloth
-
-    def _try(self, cloth: Hanging, motion: Motion, dt: float, before: Moment) -> None:
-        """Take a step at half the size while it explodes, a few times at most if it whirls or does not converge."""
-        substeps, exploded, refined, troubled = self.substeps, False, False, False
-        for attempt in range(RETRIES + 1):
-            unconverged, sound = cloth.complete(motion, dt, substeps, before)
-            if attempt == 0 and sound:
-                needed, drawing = self._needed_substeps(cloth, substeps, dt)
-                if max(needed, drawing) > substeps:
-                    refined = needed > substeps
-                    cloth.restore(before)
-                    substeps = max(needed, drawing)
-                    unconverged, sound = cloth.complete(motion, dt, substeps, before)
-            if sound and cloth.limit.torn():
-                # No limit can be kept: threads are to share out by their stiffness what limbs draw them to.
-                cloth.restore(before)
-                cloth.limit.acts = False
-                unconverged, sound = cloth.complete(motion, dt, substeps, before)
-            patience = WHIRL_RETRIES if cloth.whirls() else CONVERGENCE_RETRIES if unconverged else 0
-            if sound and attempt >= patience:
-                self.retried += exploded
-                self.refined += refined and unconverged == 0
-                self.troubled += troubled and unconverged == 0
-                self.unconverged += unconverged > 0
-                cloth.limit.rest()
-                cloth.note_lift(dt)
-                return
-            exploded, refined, troubled = exploded or not sound, refined or sound, troubled or sound
-            if attempt < RETRIES:
-                cloth.restore(before)
-                # A count between what explodes and what is stable may grow slowly enough to pass for sound.
-                substeps = max(2 * substeps, cloth.own_choice(dt, strained=True))
-        raise _diverged(substeps)
-
-    def _needed_substeps(self, cloth: Hanging, substeps: int, dt: float) -> tuple[int, int]:
-        """Substeps that a frame of `dt` [s] would have needed, seen after taking it in fewer; and for its threads."""
-        if self.solver.substeps is not None:
-            return substeps, substeps
-        needed = math.ceil(substeps * min(cloth.haste, MOST_HASTE))
-        if cloth.strained:
-            needed = max(needed, cloth.choose_substeps(dt, strained=True))
-        return needed, DRAWING * substeps if cloth.limit.too_long() else substeps
 
     def forecast(self, dt: float) -> Forecast:
         """Tell what a frame of `dt` [s] takes, by stepping a part of one and taking it back.
@@ -434,13 +407,6 @@ class Simulation:
         if self._cloth is None:
             raise ValueRangeError("the simulation has not been started: call start with the first pose of the bones")
         return self._cloth
-
-
-def _diverged(substeps: int) -> Diverged:
-    return Diverged(
-        f"the cloth explodes even at {substeps} substeps per frame: "
-        "use a softer or heavier fabric, a wider spacing, or another solver (xpbd, tr_bdf2)"
-    )
 
 
 def _vector(values: ArrayLike, name: str) -> FloatArray:

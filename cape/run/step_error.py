@@ -34,7 +34,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.results.take import StepError
-from cape.run.simulation import Diverged, Simulation, Snapshot
+from cape.run.simulation import Simulation
+from cape.run.whereabouts import Diverged, Snapshot
 from cape.scene.poses import Bones, Pose, read_pose
 from cape.scene.scene import Scene
 from cape.solvers import Solver

@@ -35,22 +35,25 @@ class Place(NamedTuple):
     """Where a cloth is, whatever solver and threads move it.
 
     `state` is of the vertices as the scene numbers them, about `origin`, shape (V, 6); `hold` are the points, lift and
-    drift of all that bones carry.
+    drift of all that bones carry; `time` [s] is since the bones left their first pose.
     """
 
     origin: FloatArray
     pose: Pose
     state: FloatArray
     hold: tuple[Hold, ...]
+    time: float
 
 
 class Frame(NamedTuple):
-    """All that a cloth goes on from after a frame: a moment, where its origin and the bones are, what they carry."""
+    """All that a cloth goes on from after a frame: a moment, where its origin and the bones are, what they carry, and
+    how long it is since they left their first pose [s]."""
 
     moment: Moment
     origin: FloatArray
     pose: Pose
     hold: tuple[Hold, ...]
+    time: float
 
 
 class Forecast(NamedTuple):

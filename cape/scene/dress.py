@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from cape.air.wind import Wind
 from cape.cloth.fabric import Fabric
 from cape.garments import registry
 from cape.garments.base import Measures
@@ -13,7 +14,6 @@ from cape.scene.floor import floor_under
 from cape.scene.holding.attachments import attach
 from cape.scene.scene import WEARER_ROLES, Scene
 from cape.scene.self_contact import SelfContact
-from cape.scene.wind import Wind
 from skeleton.track import BoneTrack
 
 if TYPE_CHECKING:

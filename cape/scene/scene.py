@@ -7,13 +7,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.air.wind import Wind
 from cape.cloth.cloth import Cloth
 from cape.scene.colliders import Collider
 from cape.scene.holding.attachments import Attachment
 from cape.scene.holding.confinement import Confinement
 from cape.scene.holding.tethers import Tethers
 from cape.scene.self_contact import SelfContact
-from cape.scene.wind import Wind
 from motions.errors import ValueRangeError
 from skeleton.shapes import require_known
 

@@ -7,12 +7,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.air.wind import Wind
 from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
 from cape.scene.colliders import Box, Sphere
 from cape.scene.holding.attachments import attach
 from cape.scene.scene import Scene
-from cape.scene.wind import Wind
 from motions import quaternions
 from motions.errors import UnknownNameError
 from skeleton.shapes import Capsule

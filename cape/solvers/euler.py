@@ -18,7 +18,7 @@ from cape.kernels.program import Use
 from cape.kernels.solve.euler import EulerStep, advance
 from cape.kernels.state import Inertia
 from cape.solvers.base import Precision, Solver
-from cape.solvers.order import Order, begin_frame, end_substep, forces, move_bones, wait
+from cape.solvers.order import Order, begin_frame, blow, end_substep, forces, move_bones, wait
 from cape.solvers.running import Running, Thread
 from motions.errors import ValueRangeError
 
@@ -109,6 +109,7 @@ class SymplecticEuler(Solver):
         return Order(
             begin=begin_frame(thread),
             substep=[
+                *blow(thread, 0.5),
                 *forces(thread, list(arrays.forces), arrays.total, arrays.scratch[thread.rank]),
                 *wait(thread),
                 Use(advance, EulerStep(running.state, arrays.inertia, arrays.total)),

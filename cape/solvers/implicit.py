@@ -55,7 +55,7 @@ from cape.kernels.state import Inertia
 from cape.solvers.base import Precision, Solver
 from cape.solvers.matrix import Layout, link_blocks, matrix_of, matrix_units
 from cape.solvers.multigrid import Levels, levels_of, multigrid
-from cape.solvers.order import Order, aim_springs, begin_frame, end_substep, forces
+from cape.solvers.order import Order, aim_springs, begin_frame, blow, end_substep, forces
 from cape.solvers.running import Running, Thread
 from motions.errors import ValueRangeError
 
@@ -274,7 +274,7 @@ class ImplicitSolver(Solver):
         """Place the bones, and what they hold, at a share of the step."""
         running = thread.running
         attached, colliders = running.assembly.attached, thread.contacts.colliders
-        uses = [Use(place_bones, Placing(running.motion, thread.bones, at))]
+        uses = [*blow(thread, at), Use(place_bones, Placing(running.motion, thread.bones, at))]
         if colliders is not None:
             uses.append(Use(note_motion, colliders))
         if attached is not None:

@@ -25,6 +25,7 @@ from cape.cloth.cloth import GridCloth
 from cape.forces.base import Acting, Force
 from cape.kernels.bones import MovingBones, begin_motion, move_on
 from cape.kernels.cloth.grid import GridRoom
+from cape.kernels.cloth.stream import Blowing, blow_on
 from cape.kernels.contact.contact import Contact
 from cape.kernels.contact.drawn import Drawing, begin_drawing, end_drawing
 from cape.kernels.contact.faces import FaceContact
@@ -88,6 +89,12 @@ def forces(thread: Thread, kinds: Sequence[type[Force]], out: NDArray[np.floatin
     running = thread.running
     acting = Acting(running.assembly, running.state, out, room)
     return [use for force in kinds for use in force.uses(acting, running.arrays.forces[force])]
+
+
+def blow(thread: Thread, at: float) -> list[Use]:
+    """Bring the wind to a share of the substep; nothing where it is everywhere and always alike."""
+    stream = thread.running.assembly.stream
+    return [] if stream is None else [Use(blow_on, Blowing(stream, at))]
 
 
 def begin_frame(thread: Thread) -> list[Use]:

@@ -33,7 +33,7 @@ from cape.kernels.xpbd.packed import LANES, NEXT, SIDE
 from cape.kernels.xpbd.xpbd import Blown, Falling, blow_all, drift_all, fall_all
 from cape.solvers.base import Precision, Solver
 from cape.solvers.euler import SymplecticEuler
-from cape.solvers.order import Order, begin_frame, end_substep, forces, move_bones, wait
+from cape.solvers.order import Order, begin_frame, blow, end_substep, forces, move_bones, wait
 from cape.solvers.running import Running, Thread
 from motions.errors import ValueRangeError
 
@@ -136,6 +136,7 @@ class XPBD(Solver):
         prepare, solve = self._sweeps(running)
         uses = []
         if arrays.forces:
+            uses += blow(thread, 0.5)
             uses += forces(thread, list(arrays.forces), arrays.total, arrays.scratch[thread.rank])
             uses += [*wait(thread), Use(blow_all, Blown(running.state, arrays.inertia, arrays.total))]
         uses += [Use(fall_all, Falling(running.state, arrays.inertia)), *move_bones(thread)]

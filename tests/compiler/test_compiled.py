@@ -53,7 +53,7 @@ def run(more):
         cloth, holds, colliders,
         confinements=[] if bounds is None else [cape.confine(cloth, "rod", **bounds)],
         tethers=cape.Tethers() if more == "tethers" else None,
-        wind=cape.Wind() if more == "wind" else None,
+        wind={"wind": cape.Wind(), "eddies": cape.Wind(turbulence=0.5)}.get(more),
         self_contact=cape.SelfContact() if more == "self-contact" else None,
         strain_limit=more == "strain limit",
     )
@@ -97,6 +97,7 @@ BARE = {
 
 OWN = {
     "wind": {"grid_air", "skin_drag"},
+    "eddies": {"grid_air", "skin_drag", "blow_on", "against_stream"},  # the same two
     "box": {"nearest", "gaps of box", "planes of box", "wake_faces", "keep_faces_out"},
     "ellipsoid": {"nearest", "gaps of ellipsoid"},  # in so thick a skin that no triangle can touch it
     "self-contact": {"press", "keep_apart", "look_ahead", "search_pairs"},

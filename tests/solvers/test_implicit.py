@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cape.air.wind import Wind
 from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
 from cape.kernels.contact import penalty
@@ -13,7 +14,6 @@ from cape.scene.colliders import Plane, Sphere
 from cape.scene.holding.attachments import Attachment
 from cape.scene.scene import Scene
 from cape.scene.standard_scenes import STANDARD_SCENES
-from cape.scene.wind import Wind
 from cape.solvers import TRBDF2, BackwardEuler, SymplecticEuler
 from motions.errors import ValueRangeError
 from tests.support.scenes import Run, grid_cloth, turn_about

@@ -8,7 +8,8 @@ import numpy as np
 
 from cape.bench.figures import Figures
 from cape.bench.plan import Plan
-from cape.run.simulation import Diverged, Simulation
+from cape.run.simulation import Simulation
+from cape.run.whereabouts import Diverged
 from cape.scene.poses import Pose
 from cape.scene.standard_scenes import FPS, plain
 from cape.solvers import SOLVERS

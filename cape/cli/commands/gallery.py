@@ -22,7 +22,7 @@ from cape.pictures.gallery.plan import Costume
 from cape.pictures.viewer import require_viewer, viewer
 from cape.results.take import Take
 from cape.run.simulate import simulate
-from cape.run.simulation import Diverged
+from cape.run.whereabouts import Diverged
 from motions.errors import FileError, UserError, ValueRangeError
 from motions.files import write_text
 

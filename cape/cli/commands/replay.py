@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from cape.air.record import read_wind
+from cape.air.wind import Wind
 from cape.assembly.self_contact import contact_thickness
 from cape.cli.character import Character, read_character
 from cape.cli.figures.checking import check_rows, checked, step_error_facts, step_error_rows
@@ -27,7 +29,6 @@ from cape.run.auto import Auto
 from cape.scene.dress import dress
 from cape.scene.jumps import Cuts
 from cape.scene.scene import Scene
-from cape.scene.wind import Wind
 from cape.solvers import Solver, solver
 from motions.errors import UnknownNameError, ValueRangeError
 
@@ -50,6 +51,11 @@ class Cut:
     tolerance: float | None = None
     budget: float | None = None
     wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gusts: float = 0.0
+    turbulence: float = 0.0
+    seed: int = 0
+    wind_file: Path | None = None
+    shelter: bool = False
     cuts: str = "carry"
     self_contact: bool | None = None
     strain_limit: bool = True
@@ -69,7 +75,7 @@ class Cut:
             spacing=self.spacing,
             fabric=fabric(self.fabric),
             colliders=who.hitboxes.solids,
-            wind=Wind(velocity=self.wind),
+            wind=self.air(),
             self_contact=self.self_contact,
             strain_limit=self.strain_limit,
         )
@@ -82,8 +88,24 @@ class Cut:
         """
         fabric(self.fabric)
         registry.garment(self.garment)
+        self.air()
         self.method()
         self.way_at_cuts()
+
+    def air(self) -> Wind:
+        """The wind.
+
+        Raises:
+            UserError: its file can't be read, or a number is out of range.
+        """
+        return Wind(
+            velocity=self.wind,
+            gusts=self.gusts,
+            turbulence=self.turbulence,
+            seed=self.seed,
+            record=None if self.wind_file is None else read_wind(self.wind_file),
+            shelter=self.shelter,
+        )
 
     def way_at_cuts(self) -> Cuts | None:
         """What happens where the bones jump, None for nothing.

@@ -22,8 +22,9 @@ from cape.bench.figures import Figures
 from cape.cloth.cloth import GridCloth
 from cape.report.measured.braking import brake
 from cape.report.measured.clock import Clock, Timing, quickest
-from cape.run.simulation import Diverged, Simulation
+from cape.run.simulation import Simulation
 from cape.run.step_error import distance
+from cape.run.whereabouts import Diverged
 from cape.scene.poses import Pose, poses_of
 from cape.scene.scene import Scene
 from cape.scene.standard_scenes import FPS, StandardScene, curtain

@@ -16,7 +16,8 @@ import numpy as np
 from cape.bench.figures import Figures
 from cape.report.cases import Case
 from cape.report.measured.clock import Clock
-from cape.run.simulation import Diverged, Simulation
+from cape.run.simulation import Simulation
+from cape.run.whereabouts import Diverged
 from cape.scene.poses import Pose, poses_of
 from cape.scene.standard_scenes import StandardScene
 from cape.solvers import SOLVERS, Solver, SymplecticEuler

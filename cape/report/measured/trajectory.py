@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from cape.measure.ledger import Balance, Ledger
 from cape.report.measured.clock import Clock, quickest
 from cape.run.auto import Auto, AutoSimulation
-from cape.run.simulation import Diverged, Simulation, Snapshot
+from cape.run.simulation import Simulation
+from cape.run.whereabouts import Diverged, Snapshot
 from cape.scene.poses import poses_of
 from cape.scene.scene import Scene
 from cape.scene.standard_scenes import StandardScene

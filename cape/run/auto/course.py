@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from cape.run.auto.ahead import Coming
 from cape.run.auto.choice import AIM, FEWEST, FRAME, LEAST_CHANGE, MOST_CHANGE, Choice
 from cape.run.auto.drift import Drift, Orders
-from cape.run.simulation import Simulation, Snapshot
+from cape.run.simulation import Simulation
 from cape.run.step_error import FREE_WINDOW, distance
+from cape.run.whereabouts import Snapshot
 from cape.solvers import TRBDF2, XPBD, Solver, SymplecticEuler
 
 SHARE = 0.2  # of the time that a run takes, that its companion may

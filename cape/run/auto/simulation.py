@@ -24,9 +24,9 @@ from cape.run.auto.choice import AIM, FRAME, MOST_CHANGE, TOLERANCE, Auto, Choic
 from cape.run.auto.course import Course
 from cape.run.auto.prediction import Prediction
 from cape.run.auto.sagging import Sagging
-from cape.run.simulation import DEFAULT_CUTS, Diverged, Simulation
+from cape.run.simulation import DEFAULT_CUTS, Simulation
 from cape.run.step_error import distance, is_touched, window_of
-from cape.run.whereabouts import Mark, Snapshot
+from cape.run.whereabouts import Diverged, Mark, Snapshot
 from cape.scene.jumps import Cuts
 from cape.scene.poses import Bones, Pose, read_pose, read_poses
 from cape.scene.scene import Scene

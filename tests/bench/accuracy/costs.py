@@ -11,7 +11,8 @@ import math
 import time
 
 from cape.run.auto.choice import USUAL
-from cape.run.simulation import Simulation, Snapshot
+from cape.run.simulation import Simulation
+from cape.run.whereabouts import Snapshot
 from cape.scene.poses import poses_of
 from cape.scene.standard_scenes import StandardScene
 from cape.solvers import TRBDF2, XPBD, Solver, SymplecticEuler

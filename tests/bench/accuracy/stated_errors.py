@@ -22,8 +22,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.run.simulation import Simulation, Snapshot
+from cape.run.simulation import Simulation
 from cape.run.step_error import ScheduledWatch, distance, schedule
+from cape.run.whereabouts import Snapshot
 from cape.scene.poses import poses_of
 from cape.scene.standard_scenes import StandardScene
 from cape.solvers import SOLVERS, TRBDF2, XPBD, BackwardEuler, Solver, SymplecticEuler

@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.run.auto import Auto, AutoSimulation
-from cape.run.simulation import Diverged, Simulation, Snapshot
+from cape.run.simulation import Simulation
 from cape.run.step_error import Schedule, ScheduledWatch, is_touched, window_of
+from cape.run.whereabouts import Diverged, Snapshot
 from cape.scene.poses import poses_of
 from cape.scene.standard_scenes import StandardScene
 from cape.solvers import TRBDF2, XPBD, Solver, SymplecticEuler

@@ -15,7 +15,7 @@ from cape.report.measured.world import elastica
 from cape.report.measured.world.pieces import strip_of
 from cape.report.measured.world.rest import HAND, relax, started
 from cape.report.measured.world.rows import Row
-from cape.run.simulation import Diverged
+from cape.run.whereabouts import Diverged
 from cape.scene.holding.attachments import attach
 from cape.scene.scene import GRAVITY, Scene
 

@@ -25,7 +25,7 @@ from cape.cloth.measurement import bending_lengths
 from cape.report.measured.world import triangulations
 from cape.report.measured.world.rest import HAND, relax, started
 from cape.report.measured.world.rows import Row, mean, scatter
-from cape.run.simulation import Diverged
+from cape.run.whereabouts import Diverged
 from cape.scene.holding.attachments import attach
 from cape.scene.scene import GRAVITY, Scene
 from cape.solvers.threads import available_cores

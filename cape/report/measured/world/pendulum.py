@@ -15,7 +15,8 @@ from cape.cloth.cloth import Cloth
 from cape.cloth.fabric import Fabric
 from cape.report.measured.world.rest import HAND, STILL
 from cape.report.measured.world.rows import Row
-from cape.run.simulation import Diverged, Simulation
+from cape.run.simulation import Simulation
+from cape.run.whereabouts import Diverged
 from cape.scene.holding.attachments import attach
 from cape.scene.scene import GRAVITY, Scene
 from cape.solvers import SOLVERS

@@ -18,7 +18,8 @@ from cape.cloth.fabrics import fabric as fabric_named
 from cape.report.measured.world.pieces import strip_of
 from cape.report.measured.world.rest import HAND, STILL, relax, started
 from cape.report.measured.world.rows import Row
-from cape.run.simulation import Diverged, Simulation
+from cape.run.simulation import Simulation
+from cape.run.whereabouts import Diverged
 from cape.scene.holding.attachments import attach
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
