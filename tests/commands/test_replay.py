@@ -167,7 +167,8 @@ def test_wind_blows_the_cape_its_way(idle, tmp_path, forks):
         recording.column("/world/cape", "Mesh3D:vertex_positions")[last].mean(axis=0) for recording in (blown, idle[1])
     )
     assert there[0] - here[0] < -0.05
-    # In the lee of the body, from in front of which it comes, there is less of it: behind the trunk, not where the cape is wider.
+    # In the lee of the body, from in front of which it comes, there is less of it,
+    # behind the trunk but not where the cape is wider.
     (tmp_path / "mast.csv").write_text("0,-6,0,0\n9,-6,0,0\n")
     facts, kept = replay(forks, "idle", tmp_path, "--end", "2", "--wind-file", "mast.csv", "--shelter", *BACK)
     assert facts["result"] == "finished"
