@@ -24,6 +24,7 @@ from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 from cape.scene.self_contact import SelfContact
 from cape.solvers import SOLVERS, TRBDF2, XPBD, BackwardEuler, Solver, SymplecticEuler, solver
+from cape.version import VERSION as __version__
 from motions.errors import UserError
 from skeleton.shapes import Capsule
 
@@ -69,6 +70,7 @@ __all__ = [
     "UserError",
     "Wind",
     "WindRecord",
+    "__version__",
     "attach",
     "confine",
     "dress",

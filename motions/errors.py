@@ -1,5 +1,6 @@
 """The errors that a user's input can cause; the command line prints each as one line and exits with status 2."""
 
+import difflib
 from collections.abc import Iterable
 from operator import index
 
@@ -20,9 +21,19 @@ class UnknownNameError(UserError):
     """A name that is not among the ones that exist."""
 
     def __init__(self, kind: str, name: str, available: Iterable[str], hint: str = ""):
-        """State that `name` is no `kind`, list the `available` ones and close with the `hint`."""
-        listed = ", ".join(available) or "none"
-        super().__init__(f"no {kind} named {name!r}; available: {listed}" + (f". {hint}" if hint else ""))
+        """State that `name` is no `kind`, which of the `available` ones is meant, list them, close with the `hint`."""
+        known = list(available)
+        like = likeliest(name, known)
+        meant = f", did you mean {like!r}?" if like else ";"
+        listed = ", ".join(known) or "none"
+        super().__init__(f"no {kind} named {name!r}{meant} available: {listed}" + (f". {hint}" if hint else ""))
+
+
+def likeliest(name: str, available: Iterable[str]) -> str | None:
+    """The one of the available names that was meant, by how alike they are; None where none is."""
+    by_letters = {each.casefold(): each for each in available}
+    found = difflib.get_close_matches(name.casefold(), by_letters, n=1, cutoff=0.7)
+    return by_letters[found[0]] if found else None
 
 
 def require_whole(name: str, value: object, least: int, most: int) -> None:

@@ -14,10 +14,27 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,
     help="Hang a simulated cape on a moving character and record it for the Rerun viewer.",
 )
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        from cape.version import VERSION
+
+        print(f"cape {VERSION}")
+        raise typer.Exit
+
+
+@app.callback()
+def any_command(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """What all commands share."""
 
 
 @app.command()
@@ -146,6 +163,14 @@ def info(reading: "Reading", which: Hitboxes = None, json: Json = False) -> int:
     from cape.cli.commands.info import run
 
     return run(reading, hitboxes=which, json=json)
+
+
+@app.command()
+def doctor(json: Json = False) -> int:
+    """Tell what this machine has of what cape uses, and how to get what it lacks."""
+    from cape.cli.commands.doctor import run
+
+    return run(json=json)
 
 
 @app.command("warm-up")
