@@ -52,11 +52,20 @@ class Hold(NamedTuple):
     stiffness: float | None = None
 
 
+class Kept(NamedTuple):
+    """A bone, by its role, and vertices (n,) that get no farther than `most` [m] from where it would carry them."""
+
+    bone: str
+    vertices: NDArray[np.int64]
+    most: float
+
+
 class Worn(NamedTuple):
     """A garment cut for a body.
 
     Its cloth, what holds it, the body as it stands where it is put on, None for as the motion begins; whether it falls
-    in folds whose layers meet, and the distance at which colliders stop it [m], None for that of any scene.
+    in folds whose layers meet, the distance at which colliders stop it [m], None for that of any scene, and what is
+    kept near its place.
     """
 
     cloth: Cloth
@@ -64,6 +73,7 @@ class Worn(NamedTuple):
     put_on: Fitted | None = None
     layered: bool = False
     thickness: float | None = None
+    kept: tuple[Kept, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cape.cloth import tailoring
 from cape.cloth.cloth import GridCloth
 from cape.cloth.fabric import Fabric
-from cape.garments.base import Hold, Measures, Worn
+from cape.garments.base import Hold, Kept, Measures, Worn
 from cape.garments.fitting import CLEARANCE, Fitted, room_between
 from cape.garments.hood import BROW_STIFFNESS, with_hood
 from motions.errors import ValueRangeError
@@ -27,6 +27,8 @@ SEAMS = (np.pi / 2.0, -np.pi / 2.0)  # from the middle of the back to the left [
 CLASPED = 1.0  # rad around the neck that a clasp may span
 NAPE = 0.5  # rad to either side of the middle of the back: beyond it the neck's sides begin
 STIFF = 0.6  # rad around the neck, over which a collar is even
+LIFTED = 0.031  # of the body's height, by which cloth on top of a shoulder may lift off or slip, as from a shoulder pad
+ON_TOP = 0.04  # of the body's height from a shoulder's joint, seen from above: what lies on top of it
 SPACING = 0.0252  # of the body's height, for about as many vertices as a cape that hangs from the shoulders
 
 
@@ -73,7 +75,9 @@ class Cut:
             brow = cloth.region("brow")
             points = fitted.into_bone("head", cloth.positions[brow])
             held.append(Hold("head", "brow", points, BROW_STIFFNESS / len(brow)))
-        return Worn(cloth, tuple(held), put_on=fitted, layered=True, thickness=thickness)
+        return Worn(
+            cloth, tuple(held), put_on=fitted, layered=True, thickness=thickness, kept=_kept_on_shoulders(cloth, fitted)
+        )
 
 
 def lay_out(
@@ -144,6 +148,18 @@ def lay_out(
         regions={**tailoring.grid_regions(rows, columns), **_fastened(collar, angles)},
     )
     return cloth, places[:collar].reshape(-1, 3)
+
+
+def _kept_on_shoulders(cloth: GridCloth, fitted: Fitted) -> tuple[Kept, ...]:
+    """What lies on top of each shoulder stays near it, however arms that rise push cloth up or draw it off."""
+    kept = []
+    for side, left in (("left", 1.0), ("right", -1.0)):
+        off = cloth.positions - [0.0, left * fitted.shoulder_width / 2.0, 0.0]
+        near = (np.hypot(off[:, 0], off[:, 1]) < ON_TOP * fitted.height) & (off[:, 2] > 0.0)
+        vertices = np.setdiff1d(np.flatnonzero(near), cloth.region("collar"))
+        if len(vertices):
+            kept.append(Kept(fitted.carrier(side), vertices, LIFTED * fitted.height))
+    return tuple(kept)
 
 
 def _fastened(collar: int, angles: FloatArray) -> dict[str, NDArray[np.int64]]:

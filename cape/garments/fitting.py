@@ -92,6 +92,11 @@ class Fitted:
         start, end = ((self._rest.origin(role) - self._origin) @ self._axes[:, 0] for role in ("neck", "head"))
         return np.array([start + COLLARED * (end - start), 0.0])
 
+    def carrier(self, side: str) -> str:
+        """The role of the bone that carries the "left" or "right" shoulder: the chest where it has none of its own."""
+        shoulder = f"{side}_shoulder"
+        return shoulder if shoulder in self._rest.roles else "chest"
+
     @property
     def hips(self) -> FloatArray:
         """Half way between the hip joints [m], shape (3,)."""

@@ -12,6 +12,7 @@ from cape.garments.fitting import Fitted
 from cape.scene.colliders import Collider
 from cape.scene.floor import floor_under
 from cape.scene.holding.attachments import attach
+from cape.scene.holding.confinement import confine
 from cape.scene.scene import WEARER_ROLES, Scene
 from cape.scene.self_contact import SelfContact
 from skeleton.track import BoneTrack
@@ -61,7 +62,7 @@ def dress(
     colliders = body.capsules() if colliders is None else tuple(colliders)
     fitted = Fitted(body, colliders)
     worn = kind.fit(fitted, Measures(length=length, flare=flare, spacing=spacing, fabric=fabric))
-    for role in (*(hold.bone for hold in worn.holds), *WEARER_ROLES):
+    for role in (*(hold.bone for hold in worn.holds), *(kept.bone for kept in worn.kept), *WEARER_ROLES):
         body.role(role)  # says how to name a bone by hand where none is found
     scene = Scene(
         worn.cloth,
@@ -70,6 +71,7 @@ def dress(
         wind=wind or Wind(),
         self_contact=_self_contact(worn.layered if self_contact is None else self_contact),
         thickness=Scene.thickness if worn.thickness is None else worn.thickness,
+        confinements=[confine(worn.cloth, k.bone, k.vertices, max_distance=k.most) for k in worn.kept],
         strain_limit=strain_limit and worn.cloth.has_threads,
         wearer=(_beginning(body, WEARER_ROLES[0]), _beginning(body, WEARER_ROLES[1]), WEARER_ROLES[2]),
     )

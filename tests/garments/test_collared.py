@@ -44,6 +44,23 @@ def test_a_darted_grid_has_the_springs_and_the_mass_of_its_shape_at_the_start():
 
 
 @pytest.mark.parametrize("name", COLLARED)
+def test_cloth_on_top_of_a_shoulder_stays_near_its_place(walker, name: str):
+    """Each shoulder that a garment lies on has vertices to all sides of its joint that its own bone keeps there."""
+    body, track = walker
+    scene = cape.dress(body, track, garment=name)
+    kept = {c.animated.bone: c for c in scene.confinements}
+    assert set(kept) == {"left_shoulder", "right_shoulder"} - ({"right_shoulder"} if name == "half_cape" else set())
+    for bone, confinement in kept.items():
+        side = 1.0 if bone == "left_shoulder" else -1.0
+        off = scene.cloth.positions[confinement.animated.vertices] - [0.0, side * body.shoulder_width() / 2.0, 0.0]
+        assert np.hypot(off[:, 0], off[:, 1]).max() < 0.05 * body.height()
+        assert off[:, :2].min(axis=0).max() < 0.0 < off[:, :2].max(axis=0).min()
+        assert off[:, 2].min() > 0.0
+        assert confinement.max_distance is not None
+        assert 0.0 < float(np.max(np.asarray(confinement.max_distance))) < 0.06  # as far off as covers, at most
+
+
+@pytest.mark.parametrize("name", COLLARED)
 def test_a_garment_starts_clear_of_the_body_and_without_tension(walker, name: str):
     body, track = walker
     scene = cape.dress(body, track, garment=name)
