@@ -171,6 +171,14 @@ def cut(
     strain_limit: Annotated[
         bool, typer.Option(help="Hold threads back from stretching further than their fabric allows, 4 % if woven.")
     ] = True,
+    hold: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--hold",
+            metavar="EDGE=BONE",
+            help="Have a bone, by its name or role, hold a named part of the garment, such as collar=neck; repeatable.",
+        ),
+    ] = None,
     loop: Annotated[
         bool,
         typer.Option(
@@ -199,5 +207,6 @@ def cut(
         cuts=cuts,
         self_contact=self_contact,
         strain_limit=strain_limit,
+        hold=tuple(hold or ()),
         loop=loop,
     )

@@ -106,15 +106,19 @@ class Reading:
         told = f"end: {self.end:g} s is beyond the motion, which lasts {whole.duration:g} s: it is taken to its end"
         return replace(trimmed, decisions=(*trimmed.decisions, told))
 
+    @property
+    def _roles(self) -> dict[str, str] | None:
+        return named_pairs(self.attach, "--attach", "ROLE=BONE") or None
+
     def body(self, clip: motions.Clip) -> Skeleton:
         """The body that a clip moves, with roles named by hand where asked."""
-        return Skeleton.from_clip(clip, roles=_roles(self.attach))
+        return Skeleton.from_clip(clip, roles=self._roles)
 
     def robot(self, urdf: str) -> Skeleton:
         """A robot, with roles named by hand where asked."""
         # The up axis is that of the file with the motion; a clip is turned as it is read.
         up = None if self.configuration_file is None else self.up
-        return Skeleton.from_urdf(urdf, roles=_roles(self.attach), up=up, package_dirs=self.packages)
+        return Skeleton.from_urdf(urdf, roles=self._roles, up=up, package_dirs=self.packages)
 
     def configurations(self, path: Path, robot: Skeleton) -> RobotMotion:
         """A robot's motion from a file, trimmed.
@@ -137,11 +141,21 @@ def _unit(text: str | None) -> str | float | None:
         return text
 
 
-def _roles(pairs: tuple[str, ...]) -> dict[str, str] | None:
-    roles = {}
+def named_pairs(pairs: tuple[str, ...], option: str, names: str) -> dict[str, str]:
+    """What an option that may be repeated names, by what for.
+
+    Args:
+        pairs: as they were given, "A=B" each.
+        option: what it is called, for an error's text.
+        names: what it takes, such as "ROLE=BONE".
+
+    Raises:
+        UserError: one of them is no such pair.
+    """
+    found = {}
     for pair in pairs:
-        role, equals, bone = pair.partition("=")
-        if not equals or not role or not bone:
-            raise UserError(f"--attach takes ROLE=BONE, not {pair!r}")
-        roles[role] = bone
-    return roles or None
+        first, equals, second = pair.partition("=")
+        if not equals or not first or not second:
+            raise UserError(f"{option} takes {names}, not {pair!r}")
+        found[first] = second
+    return found

@@ -1,17 +1,19 @@
 """A character's own garment: cut to its measures, held by its bones, kept out by its limbs and its floor."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from cape.air.wind import Wind
 from cape.cloth.fabric import Fabric
 from cape.garments import registry
-from cape.garments.base import Measures
+from cape.garments.base import Measures, Worn
 from cape.garments.fitting import Fitted
 from cape.scene.colliders import Collider
 from cape.scene.floor import floor_under
-from cape.scene.holding.attachments import attach
+from cape.scene.holding.attachments import Attachment, attach
 from cape.scene.holding.confinement import confine
 from cape.scene.scene import WEARER_ROLES, Scene
 from cape.scene.self_contact import SelfContact
@@ -34,6 +36,7 @@ def dress(
     wind: Wind | None = None,
     self_contact: bool | SelfContact | None = None,
     strain_limit: bool = True,
+    hold: Mapping[str, str] | None = None,
 ) -> Scene:
     """Cut a cape for a body and build the scene in which it wears it.
 
@@ -52,21 +55,27 @@ def dress(
         self_contact: whether, or how, layers of the cape are kept from passing through each other; None where the
             garment falls in folds whose layers meet.
         strain_limit: whether threads stop stretching at the limits of their fabric.
+        hold: bones, by name or role, that hold parts of the garment where it is put on, by the names of its regions, as
+            {"collar": "neck"}: in place of the bone that does by itself, if any. What another part already holds stays.
 
     Raises:
         ValueRangeError: a size is out of range.
-        UnknownNameError: there is no such garment, or the body has no shoulders, upper arms, chest, pelvis or head,
-            as far as the garment needs them, that are known by name.
+        UnknownNameError: there is no such garment, it has no such region, or the body no such bone; or it has no
+            shoulders, upper arms, chest, pelvis or head, as far as the garment needs them, that are known by name.
     """
     kind = registry.garment(garment)
     colliders = body.capsules() if colliders is None else tuple(colliders)
     fitted = Fitted(body, colliders)
     worn = kind.fit(fitted, Measures(length=length, flare=flare, spacing=spacing, fabric=fabric))
-    for role in (*(hold.bone for hold in worn.holds), *(kept.bone for kept in worn.kept), *WEARER_ROLES):
+    hold = hold or {}
+    worn = worn._replace(holds=tuple(own for own in worn.holds if own.region not in hold))
+    for bone in hold.values():
+        body.bone(bone)
+    for role in (*(own.bone for own in worn.holds), *(kept.bone for kept in worn.kept), *WEARER_ROLES):
         body.role(role)  # says how to name a bone by hand where none is found
     scene = Scene(
         worn.cloth,
-        [attach(worn.cloth, h.bone, h.region, points=h.points, stiffness=h.stiffness) for h in worn.holds],
+        _attachments(worn, hold),
         (*colliders, floor_under(colliders, track)),
         wind=wind or Wind(),
         self_contact=_self_contact(worn.layered if self_contact is None else self_contact),
@@ -81,6 +90,20 @@ def dress(
         return scene
     pose = zip(*worn.put_on.pose(scene.bones), strict=True)
     return replace(scene, dressing=dict(zip(scene.bones, pose, strict=True)))
+
+
+def _attachments(worn: Worn, hold: Mapping[str, str]) -> list[Attachment]:
+    """What holds a garment: its own holds, then those asked for, of vertices that nothing before holds.
+
+    Raises:
+        UnknownNameError: the garment has no such region.
+    """
+    found = [attach(worn.cloth, h.bone, h.region, points=h.points, stiffness=h.stiffness) for h in worn.holds]
+    for region, bone in hold.items():
+        free = np.setdiff1d(worn.cloth.region(region), [i for before in found for i in before.vertices])
+        if len(free):
+            found.append(attach(worn.cloth, bone, free))
+    return found
 
 
 def _self_contact(asked: bool | SelfContact) -> SelfContact | None:

@@ -57,6 +57,8 @@ BAD = {
     "an unknown bone": (["replay", "--attach", "chest=Tail"], "Spine2"),
     "an unknown role": (["replay", "--attach", "tail=Hips"], "left_shoulder"),
     "an attachment without a bone": (["replay", "--attach", "chest"], "ROLE=BONE"),
+    "a part that no bone is to hold": (["replay", "--hold", "collar"], "EDGE=BONE"),
+    "a part that the garment lacks": (["replay", "--hold", "tail=chest"], "collar"),
     "an unknown unit": (["replay", "--unit", "parsec"], "inch"),
     "a negative length": (["replay", "--length", "-1"], "length"),
     "a spacing that is too wide": (["replay", "--spacing", "0.6"], "spacing"),

@@ -45,7 +45,7 @@ def test_a_darted_grid_has_the_springs_and_the_mass_of_its_shape_at_the_start():
 
 @pytest.mark.parametrize("name", COLLARED)
 def test_cloth_on_top_of_a_shoulder_stays_near_its_place(walker, name: str):
-    """Where a garment lies on both shoulders, each has vertices to all sides of its joint that its own bone keeps there."""
+    """Of one on both shoulders, vertices to all sides of each joint are kept there by the shoulder's own bone."""
     body, track = walker
     scene = cape.dress(body, track, garment=name)
     kept = {c.animated.bone: c for c in scene.confinements}

@@ -98,3 +98,21 @@ def test_a_neckline_clears_a_trunk_upwards_or_else_backwards(walker, radius, lif
     assert np.linalg.norm(worn[:count] - pose.positions[chest], axis=1).min() >= radius + scene.thickness
     assert (abs(shift[0] @ ahead) < 1e-12) == lifted
     assert shift[0] @ up >= 0.0 >= shift[0] @ ahead - 1e-12
+
+
+def test_a_bone_holds_the_parts_of_a_garment_that_it_is_asked_to():
+    clip = motions.load("walk").trim(0.0, 0.1)
+    body = Skeleton.from_clip(clip)
+    track = body.track(clip)
+    scene = cape.dress(body, track, hold={"collar": "neck", "left": "left_hand"})
+    collar, left = scene.attachments
+    np.testing.assert_array_equal(collar.vertices, scene.cloth.regions["collar"])
+    # The left edge begins in the collar, which stays with the neck.
+    np.testing.assert_array_equal(left.vertices, np.setdiff1d(scene.cloth.regions["left"], collar.vertices))
+    assert len(left.vertices) < len(scene.cloth.regions["left"])
+    assert (collar.bone, left.bone) == ("neck", "left_hand")
+    assert {a.bone for a in cape.dress(body, track).attachments} == {"chest"}
+    with pytest.raises(UnknownNameError, match="collar"):
+        cape.dress(body, track, hold={"tail": "chest"})
+    with pytest.raises(UnknownNameError, match="LeftHand"):
+        cape.dress(body, track, hold={"collar": "wing"})

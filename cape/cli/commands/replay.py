@@ -16,7 +16,7 @@ from cape.cli.figures.looping import loop_facts, loop_rows
 from cape.cli.figures.retargeting import retarget_facts, retarget_rows
 from cape.cli.figures.rows import print_rows
 from cape.cli.output import open_viewer, output_path
-from cape.cli.reading import Reading
+from cape.cli.reading import Reading, named_pairs
 from cape.cli.running import simulated
 from cape.cloth.fabrics import fabric
 from cape.garments import registry
@@ -59,6 +59,7 @@ class Cut:
     cuts: str = "carry"
     self_contact: bool | None = None
     strain_limit: bool = True
+    hold: tuple[str, ...] = ()
     loop: bool = False
 
     def scene(self, who: Character) -> Scene:
@@ -78,6 +79,7 @@ class Cut:
             wind=self.air(),
             self_contact=self.self_contact,
             strain_limit=self.strain_limit,
+            hold=self._held(),
         )
 
     def check(self) -> None:
@@ -89,6 +91,7 @@ class Cut:
         fabric(self.fabric)
         registry.garment(self.garment)
         self.air()
+        self._held()
         self.method()
         self.way_at_cuts()
 
@@ -106,6 +109,9 @@ class Cut:
             record=None if self.wind_file is None else read_wind(self.wind_file),
             shelter=self.shelter,
         )
+
+    def _held(self) -> dict[str, str]:
+        return named_pairs(self.hold, "--hold", "EDGE=BONE")
 
     def way_at_cuts(self) -> Cuts | None:
         """What happens where the bones jump, None for nothing.
