@@ -4,33 +4,33 @@
 # pyright: reportMissingImports=false
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from motions import quaternions
 from motions.bodies.roles import ROLES, SIDES, find_roles, require_role
 from motions.bodies.shape import roles_by_shape
 from motions.clip import Clip
 from motions.conventions import to_z_up
-from motions.errors import FileError, UnknownNameError, ValueRangeError
+from motions.errors import UnknownNameError, ValueRangeError
 from motions.kinematics import forward_kinematics
 from skeleton.capsules import Capsule, body_capsules
 from skeleton.known_robots import RobotSource, find_urdf, known_roles, package_folders
 from skeleton.rest import RestPose, mean_rotations, missing_roles
 from skeleton.robot_motion import RobotMotion
 from skeleton.track import BoneTrack, nearest_parents
+from skeleton.urdf.carriers import Carriers, RobotBones, poses_in
+from skeleton.urdf.mimics import Mimic, followed, read_mimics
+from skeleton.urdf.reader import model_of_urdf, read_urdf
+from skeleton.urdf.roles import roles_of_robot
 
 if TYPE_CHECKING:
     import pinocchio
 
 FloatArray = NDArray[np.float64]
-
-_WXYZ_TO_XYZW = [1, 2, 3, 0]
-_XYZW_TO_WXYZ = [3, 0, 1, 2]
 
 _STILL = 1e-12
 """Joint positions that vary by less [m] are constant: rounding, far below the 1e-9 m that poses are good for."""
@@ -38,25 +38,33 @@ _STILL = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """A body: a tree of joints, each carrying the bone of the same name.
+    """A body: a tree of bones, each named after the joint that carries it.
+
+    A robot's bones are its joints, and whatever is fixed to them by fixed joints.
 
     Attributes:
-        model: the Pinocchio model; joint i + 1 carries bone i.
+        model: the Pinocchio model.
         bones: names of the B bones, parents first.
         parents: index of each bone's parent, -1 for none, shape (B,).
+        carriers: which joint of the model carries each bone, and where.
         roles: name of the bone of each role that was found, such as {"left_shoulder": "LeftCollar"}.
         rest: the bones in a typical pose.
         source: the files of a robot, whose motion is an array of configurations; None for the body of a clip.
         decisions: what had to be decided about a robot's files, a sentence each.
+        mimics: joints of a robot that follow others.
+        links: the bone that each of a robot's links is on, by the link's name.
     """
 
     model: "pinocchio.Model"
     bones: tuple[str, ...]
     parents: NDArray[np.int64]
+    carriers: Carriers
     roles: Mapping[str, str]
     rest: RestPose
     source: RobotSource | None = None
     decisions: tuple[str, ...] = ()
+    mimics: tuple[Mimic, ...] = ()
+    links: Mapping[str, str] = field(default_factory=dict)
 
     @staticmethod
     def from_clip(clip: Clip, *, roles: Mapping[str, str] | None = None) -> "Skeleton":
@@ -86,8 +94,10 @@ class Skeleton:
             end_parents=clip.end_parents,
             end_offsets=clip.end_offsets,
             single_axis=np.zeros(len(clip.joints), dtype=bool),
+            fixed=np.zeros(len(clip.joints), dtype=bool),
         )
-        return Skeleton(_model_of_clip(clip), rest.bones, rest.parents, found, rest, decisions=decisions)
+        carriers = Carriers.of_joints(len(clip.joints))
+        return Skeleton(_model_of_clip(clip), rest.bones, rest.parents, carriers, found, rest, decisions=decisions)
 
     @staticmethod
     def from_urdf(
@@ -115,15 +125,26 @@ class Skeleton:
             FileError: the file is missing or Pinocchio can't read it.
         """
         path = find_urdf(path_or_name, package_dirs)
-        model = _model_of_urdf(path, floating_base)
-        names = tuple(model.names)[1:]
-        parents = np.array(model.parents.tolist()[1:]) - 1
-        given = {role: joint for role, joint in known_roles(path_or_name).items() if joint in names}
-        found = _roles_of_robot(model, parents.tolist(), {**given, **(roles or {})})
-        up, decisions = (up, ()) if up is not None else _choose_up(_robot_rest(model, found))
-        _stand_up(model, up)
-        source = RobotSource(path, tuple(package_folders(path, package_dirs)))
-        return Skeleton(model, names, parents, found, _robot_rest(model, found), source, decisions)
+        robot = read_urdf(path)
+        model = model_of_urdf(path, floating_base=floating_base)
+        bones = RobotBones.of(model)
+        mimics, unfollowed = read_mimics(robot, model)
+        given = {role: joint for role, joint in known_roles(path_or_name).items() if joint in bones.names}
+        found = roles_of_robot(bones, {**given, **(roles or {})})
+        chosen, decisions = (up, ()) if up else _choose_up(_robot_rest(model, bones, mimics, found))
+        _stand_up(model, chosen)
+        return Skeleton(
+            model,
+            bones.names,
+            bones.parents,
+            bones.carriers,
+            found,
+            _robot_rest(model, bones, mimics, found),
+            RobotSource(path, tuple(package_folders(path, package_dirs))),
+            (*decisions, *unfollowed),
+            mimics,
+            bones.links,
+        )
 
     @property
     def is_robot(self) -> bool:
@@ -139,12 +160,13 @@ class Skeleton:
         return require_role(name, self.roles, self.bones)
 
     def bone(self, bone_or_role: str) -> int:
-        """Index of a bone given by its name or its role; a name wins over a role.
+        """Index of a bone given by its name, its role or the name of a link on it; a name wins over a role.
 
         Raises:
             UnknownNameError: there is neither; lists the bones.
         """
         name = bone_or_role if bone_or_role in self.bones else self.roles.get(bone_or_role)
+        name = name or self.links.get(bone_or_role)
         if name is None:
             raise UnknownNameError("bone", bone_or_role, self.bones, f"Roles: {', '.join(self.roles) or 'none'}")
         return self.bones.index(name)
@@ -219,7 +241,7 @@ class Skeleton:
         else:
             configurations = self._fit_configurations(motion)
             times = _times_of(len(configurations), fps, times)
-            positions, rotations = _forward_kinematics(self.model, configurations, chosen)
+            positions, rotations = poses_in(self.model, self.carriers, configurations, chosen)
         names = tuple(self.bones[i] for i in chosen)
         roles = {role: bone for role, bone in self.roles.items() if bone in names}
         return BoneTrack(names, times, positions, rotations, nearest_parents(self.parents, chosen), roles)
@@ -253,7 +275,8 @@ class Skeleton:
         if not np.isfinite(configurations).all():
             frame = int(np.argwhere(~np.isfinite(configurations))[0, 0])
             raise ValueRangeError(f"the configuration of frame {frame} holds NaN or infinity")
-        return np.array([pin.normalize(self.model, q) for q in configurations])
+        configurations = np.array([pin.normalize(self.model, q) for q in configurations])
+        return followed(configurations, self.mimics, self.model)
 
 
 def _roles_of_clip(clip: Clip, given: Mapping[str, str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
@@ -273,56 +296,25 @@ def _roles_of_clip(clip: Clip, given: Mapping[str, str] | None) -> tuple[dict[st
     return found, (f"roles guessed from the shape of the body: {told}; name others by --attach ROLE=BONE",)
 
 
-def _roles_of_robot(model: "pinocchio.Model", parents: list[int], given: Mapping[str, str]) -> dict[str, str]:
-    """The joint that plays each role, by the joints' names, or by those of the links that they move."""
-    import pinocchio as pin
-
-    names = tuple(model.names)[1:]
-    found = find_roles(names, parents, given)
-    if all(f"{side}_upper_arm" in found for side in SIDES):
-        return found
-    moved: dict[int, str] = {}
-    for frame in model.frames.tolist():
-        if frame.type == pin.FrameType.BODY:
-            moved.setdefault(int(frame.parentJoint) - 1, frame.name)
-    links = [moved.get(joint, "") for joint in range(len(names))]
-    unique = [link if links.count(link) == 1 else f"{link} {joint}" for joint, link in enumerate(links)]
-    by_link = find_roles(unique, parents, {role: unique[names.index(joint)] for role, joint in given.items()})
-    others = {role: names[unique.index(link)] for role, link in by_link.items()}
-    return {role: {**others, **found}[role] for role in ROLES if role in found or role in others}
-
-
-def _model_of_urdf(path: Path, floating_base: bool) -> "pinocchio.Model":
-    """The model of a robot, with a joint in front that moves freely where one is wanted and missing."""
-    import pinocchio as pin
-
-    try:
-        model = pin.buildModelFromUrdf(str(path))
-        floats = [joint.shortname() for joint in model.joints.tolist()[1:2]] == ["JointModelFreeFlyer"]
-        if floating_base and not floats:
-            model = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
-    except (ValueError, RuntimeError) as error:
-        raise FileError(f"{path} can't be read as URDF: {' '.join(str(error).split())}") from None
-    if model.njoints < 2:
-        raise FileError(f"{path} has no joint that moves")
-    return model
-
-
-def _robot_rest(model: "pinocchio.Model", roles: Mapping[str, str]) -> RestPose:
+def _robot_rest(
+    model: "pinocchio.Model", bones: RobotBones, mimics: tuple[Mimic, ...], roles: Mapping[str, str]
+) -> RestPose:
     """The bones in the neutral configuration; a joint of one axis is one of several that turn a limb."""
     import pinocchio as pin
 
-    names = tuple(model.names)[1:]
-    positions, rotations = _forward_kinematics(model, pin.neutral(model)[None], range(len(names)))
+    neutral = followed(pin.neutral(model)[None], mimics, model)
+    positions, rotations = poses_in(model, bones.carriers, neutral, range(len(bones.names)))
+    axes = np.array(model.nvs.tolist())[bones.carriers.joints]
     return RestPose(
-        bones=names,
-        parents=np.array(model.parents.tolist()[1:], dtype=np.int64) - 1,
+        bones=bones.names,
+        parents=bones.parents,
         roles=roles,
         positions=positions[0],
         rotations_wxyz=rotations[0],
         end_parents=np.zeros(0, dtype=np.int64),
         end_offsets=np.zeros((0, 3)),
-        single_axis=np.array(model.nvs.tolist()[1:]) == 1,
+        single_axis=(axes == 1) & ~bones.carriers.fixed,
+        fixed=bones.carriers.fixed,
     )
 
 
@@ -369,26 +361,6 @@ def _constant_offsets(clip: Clip) -> FloatArray:
         return clip.offsets
     varies = np.ptp(clip.local_positions, axis=0).max(axis=1) > _STILL
     return np.where(varies[:, None], np.nan, clip.local_positions[0])
-
-
-def _forward_kinematics(
-    model: "pinocchio.Model", configurations: FloatArray, bones: Sequence[int]
-) -> tuple[FloatArray, FloatArray]:
-    """World positions [m], shape (F, B, 3), and unit quaternions bone_to_world, shape (F, B, 4), of the asked bones."""
-    import pinocchio as pin
-
-    data = model.createData()
-    # Views into Pinocchio's memory, which save making an object for each bone and frame: that takes longer than the
-    # kinematics themselves.
-    placements = [data.oMi[bone + 1] for bone in bones]
-    origins = [placement.translation for placement in placements]
-    matrices = [placement.rotation for placement in placements]
-    positions = np.empty((len(configurations), len(bones), 3))
-    rotations = np.empty((len(configurations), len(bones), 3, 3))
-    for frame, configuration in enumerate(configurations):
-        pin.forwardKinematics(model, data, configuration)
-        positions[frame], rotations[frame] = origins, matrices
-    return positions, quaternions.from_matrix(rotations)
 
 
 def _times_of(frames: int, fps: float | None, times: ArrayLike | None) -> FloatArray:

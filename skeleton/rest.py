@@ -30,6 +30,7 @@ class RestPose:
         end_parents: bone at which each of the E end sites hangs, shape (E,).
         end_offsets: end sites in their bone's frame [m], shape (E, 3).
         single_axis: whether the bone is one of several joints in a row that together turn a limb, shape (B,).
+        fixed: whether the bone is fixed to the one above it, shape (B,).
     """
 
     bones: tuple[str, ...]
@@ -40,6 +41,7 @@ class RestPose:
     end_parents: NDArray[np.int64]
     end_offsets: FloatArray
     single_axis: NDArray[np.bool_]
+    fixed: NDArray[np.bool_]
 
     def bone(self, role: str) -> int:
         """Index of the bone that plays a role.
@@ -66,18 +68,23 @@ class RestPose:
         return quaternions.rotate(quaternions.conjugate(self.rotations_wxyz[bone]), point - self.positions[bone])
 
     def chain(self, ancestor: int, bone: int) -> list[int]:
-        """Bones from an ancestor down to a bone, both included; just the bone where it isn't below the ancestor."""
+        """Bones from an ancestor down to a bone, both included; just the bone where it isn't below the ancestor.
+
+        What is fixed between them is left out: it moves with the one above.
+        """
         way = [bone]
         while way[-1] != ancestor:
             parent = int(self.parents[way[-1]])
             if parent < 0:
                 return [bone]
             way.append(parent)
-        return way[::-1]
+        inner = [between for between in way[-2:0:-1] if not self.fixed[between]]
+        return [bone] if bone == ancestor else [ancestor, *inner, bone]
 
     def tips(self, bone: int) -> FloatArray:
         """End sites of a bone and of the bones below, and those bones' origins [m], shape (T, 3)."""
-        below = [other for other in range(bone + 1, len(self.bones)) if len(self.chain(bone, other)) > 1]
+        moving = np.flatnonzero(~self.fixed).tolist()  # what is fixed is often a sensor's place, and no tip
+        below = [other for other in moving if other > bone and len(self.chain(bone, other)) > 1]
         ends = [
             self.positions[parent] + quaternions.rotate(self.rotations_wxyz[parent], offset)
             for parent, offset in zip(self.end_parents, self.end_offsets, strict=True)
@@ -150,10 +157,17 @@ class RestPose:
         """
         bone = self.bone(role)
         row = [bone]
-        while self.single_axis[row[0]] and (parent := int(self.parents[row[0]])) >= 0 and self._turns_limb(parent):
+        while self.single_axis[row[0]] and (parent := self._moving_above(row[0])) >= 0 and self._turns_limb(parent):
             row.insert(0, parent)
         links = np.linalg.norm(np.diff(self.positions[row], axis=0), axis=1)
         return row[int(np.argmax(links))] if links.size and links.max() > 0 else bone
+
+    def _moving_above(self, bone: int) -> int:
+        """The nearest bone above that isn't fixed to another, or has a role; -1 for none."""
+        above = int(self.parents[bone])
+        while above >= 0 and self.fixed[above] and self.bones[above] not in self.roles.values():
+            above = int(self.parents[above])
+        return above
 
     def _turns_limb(self, bone: int) -> bool:
         """Whether a bone is one of a limb's joints in a row and no part of the trunk or of the segment before."""

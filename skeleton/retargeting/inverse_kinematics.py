@@ -17,6 +17,8 @@ from motions.errors import UserError
 from skeleton.model import Skeleton
 from skeleton.retargeting.arm_avoidance import Apart
 from skeleton.shapes import Shape
+from skeleton.urdf.carriers import Carriers
+from skeleton.urdf.mimics import followed
 
 if TYPE_CHECKING:
     import pinocchio
@@ -136,9 +138,9 @@ def follow(
     import pinocchio as pin
 
     model = robot.model.copy()
-    frames = [_add_frame(model, target) for target in targets]
+    frames = [_add_frame(model, robot.carriers, target) for target in targets]
     lower, upper, reach = _bounds(model, fps, top_speed)
-    neutral = pin.neutral(model)
+    neutral = followed(pin.neutral(model), robot.mimics, model)
     neutral[7:] = np.clip(neutral[7:], lower[7:], upper[7:])
     placement = model.jointPlacements[1].inverse() * pin.SE3(quaternions.to_matrix(first_wxyz), first_root)
     neutral[:7] = pin.SE3ToXYZQUAT(placement)
@@ -174,7 +176,7 @@ def follow(
             for arms in apart:
                 arms.look_at(state)
             step = pink.solve_ik(state, all_tasks, 1.0, "daqp", damping=_DAMPING, limits=limits)
-            q = pin.integrate(model, state.q, step)
+            q = followed(pin.integrate(model, state.q, step), robot.mimics, model)
             q[7:] = np.clip(q[7:], model.lowerPositionLimit[7:], model.upperPositionLimit[7:])
             state.update(q)
             if np.abs(step).max() < _CONVERGED:
@@ -186,7 +188,7 @@ def follow(
     quats = quaternions.from_matrix(rotations)
     names = [target.name for target in targets]
     return Followed(
-        configurations,
+        followed(configurations, robot.mimics, model),
         {name: positions[:, k] for k, name in enumerate(names)},
         {name: quats[:, k] for k, name in enumerate(names)},
     )
@@ -234,11 +236,13 @@ def _frame_name(target: Target) -> str:
     return f"target of {target.name}"
 
 
-def _add_frame(model: "pinocchio.Model", target: Target) -> int:
+def _add_frame(model: "pinocchio.Model", carriers: Carriers, target: Target) -> int:
     import pinocchio as pin
 
-    placement = pin.SE3(quaternions.to_matrix(target.axes_wxyz), target.place)
-    return model.addFrame(pin.Frame(_frame_name(target), target.bone + 1, placement, pin.OP_FRAME))
+    turn = carriers.rotations[target.bone] @ quaternions.to_matrix(target.axes_wxyz)
+    placement = pin.SE3(turn, carriers.in_joint(target.bone, target.place))
+    joint = int(carriers.joints[target.bone])
+    return model.addFrame(pin.Frame(_frame_name(target), joint, placement, pin.OP_FRAME))
 
 
 def _bounds(model: "pinocchio.Model", fps: float, top_speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -51,8 +51,11 @@ def add_to_geometry_model(
         if added.existGeometryName(solid.name):
             raise ValueRangeError(f"the geometry model has an object named {solid.name!r} already")
     for solid in solids:
-        joint = 0 if solid.bone is None else body.bones.index(solid.bone) + 1
         geometry, rotation_wxyz, center = solid.collision_geometry()
-        placement = pin.SE3(quaternions.to_matrix(rotation_wxyz), center)
+        joint, placement = 0, pin.SE3(quaternions.to_matrix(rotation_wxyz), center)
+        if solid.bone is not None:
+            bone = body.bones.index(solid.bone)
+            joint = int(body.carriers.joints[bone])
+            placement = pin.SE3(body.carriers.rotations[bone], body.carriers.positions[bone]) * placement
         added.addGeometryObject(pin.GeometryObject(solid.name, joint, placement, geometry))
     return added

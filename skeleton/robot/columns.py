@@ -2,12 +2,15 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motions.errors import FileError
+
+FloatArray = NDArray[np.float64]
 
 TIME_NAMES = ("time", "times", "t", "timestamp", "seconds")
 
@@ -28,6 +31,32 @@ class Order(NamedTuple):
     places: list[int]
     degrees: NDArray[np.bool_]
     by_name: bool
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """The numbers of a robot's configuration.
+
+    Attributes:
+        names: of all, in the robot's order.
+        following: those of joints that follow others, which a file may leave out: all or none.
+    """
+
+    names: tuple[str, ...]
+    following: frozenset[str] = frozenset()
+
+    def of_width(self, width: int) -> tuple[str, ...]:
+        """The names that so many columns hold; all where neither fits."""
+        leading = tuple(name for name in self.names if name not in self.following)
+        return leading if width == len(leading) else self.names
+
+    def filled(self, rows: FloatArray) -> FloatArray:
+        """Rows with a zero for each number that was left out."""
+        if rows.ndim != 2 or not self.following or rows.shape[1] != len(self.names) - len(self.following):
+            return rows
+        full = np.zeros((len(rows), len(self.names)))
+        full[:, [name not in self.following for name in self.names]] = rows
+        return full
 
 
 def order_of(header: Sequence[str], expected: Sequence[str], where: str) -> Order:

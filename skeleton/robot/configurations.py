@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from motions.errors import ValueRangeError
 from skeleton.model import Skeleton
 from skeleton.rest import missing_roles
+from skeleton.robot.columns import Numbers
 from skeleton.robot.motion_tables import Table, read_csv, read_npz
 from skeleton.robot_motion import RobotMotion
+from skeleton.urdf.mimics import followed
 
 if TYPE_CHECKING:
     import pinocchio
@@ -43,7 +45,8 @@ def load_configurations(path: str | PathLike[str], body: Skeleton, *, fps: float
     """Read a robot's motion: a CSV file with a configuration in each row, or an NPZ file of arrays.
 
     A CSV file may begin with a row of names, `column_names(body)` in any order, with or without a prefix and units, and
-    with a column of times [s]. An NPZ file holds `q` like such rows; or `qpos` as MuJoCo has it, w first; or
+    with a column of times [s]. Joints that follow others (`mimic`) may be left out, and are where those take them. An
+    NPZ file holds `q` like such rows; or `qpos` as MuJoCo has it, w first; or
     `root_pos`, `root_rot` and `dof_pos` apart; and `times` [s] or `fps`. Where nothing tells whether a root's
     quaternion begins or ends with w, it does so that the head is above the feet. Quaternions are brought to unit
     length.
@@ -63,7 +66,10 @@ def load_configurations(path: str | PathLike[str], body: Skeleton, *, fps: float
     if fps is not None and not (np.isfinite(fps) and fps > 0.0):
         raise ValueRangeError(f"the frame rate must be positive, got {fps}")
     expected = column_names(body)
-    table = read_npz(path, expected) if path.suffix.lower() == ".npz" else read_csv(path, expected)
+    following = [mimic.joint + part for mimic in body.mimics for part in ("", "_cos", "_sin")]
+    numbers = Numbers(expected, frozenset(following) & frozenset(expected))
+    table = read_npz(path, numbers) if path.suffix.lower() == ".npz" else read_csv(path, numbers)
+    table = table._replace(rows=numbers.filled(table.rows))
     rows, times, rate, decisions = table.rows, table.times, table.rate, list(table.decisions)
     if rows.ndim != 2 or rows.shape[1] != len(expected) or not len(rows):
         raise ValueRangeError(
@@ -79,6 +85,7 @@ def load_configurations(path: str | PathLike[str], body: Skeleton, *, fps: float
     rows, order = _with_w_last(table, body)
     rows, unit = _in_radians(rows, body.model)
     rows, lengths = _unit_quaternions(path, rows, body.model)
+    rows = followed(rows, body.mimics, body.model)
     motion = RobotMotion(path.stem, rows, times)
     decisions += [*order, *unit, *lengths, *_doubts(path, motion, body)]
     return RobotMotion(path.stem, rows, times, tuple(decisions))

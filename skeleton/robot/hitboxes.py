@@ -92,13 +92,15 @@ def load_hitboxes(path: str | Path, body: Skeleton | None = None) -> Hitboxes:
 
     Args:
         path: the file.
-        body: whose bones they have to be on; not checked by default.
+        body: whose bones, or links, they have to be on; not checked by default.
 
     Raises:
         FileError: the file is missing or malformed, or names a bone that the body doesn't have; names the table, and
             what it may hold.
     """
-    robot, solids = read_solids(path, None if body is None else body.bones)
+    robot, solids = read_solids(path, None if body is None else (*body.bones, *body.links))
+    if body is not None:
+        solids = tuple(s if s.bone is None else replace(s, bone=body.bones[body.bone(s.bone)]) for s in solids)
     return Hitboxes(robot, solids)
 
 
@@ -212,11 +214,11 @@ class _Fit:
         return len(above) + len(others) - 2 * shared
 
     def _bones_above(self, bone: str | None) -> list[int]:
-        """Numbers of a bone and of all bones above it."""
+        """Numbers of a bone and of all bones above it that move."""
         chain = [] if bone is None else [self.body.bones.index(bone)]
         while chain and (parent := int(self.body.parents[chain[-1]])) >= 0:
             chain.append(parent)
-        return chain
+        return [bone for bone in chain if not self.body.carriers.fixed[bone]]
 
     def _solids_around(self, link: Link, least_saving: float) -> tuple[Bounded, ...]:
         """Primitives as they are, and solids around the rest."""

@@ -167,8 +167,8 @@ def _turned(vertices: FloatArray, placement: Any, up: str) -> FloatArray:
 def _gaps(body: Skeleton, surfaces: Sequence[LinkSurface]) -> float:
     """Sum of the distances of joints from the nearest vertex of the bones that carry them [m]."""
     gaps = 0.0
-    for joint, parent in enumerate(body.parents.tolist(), start=1):
-        own = [s.vertices for s in surfaces if parent >= 0 and s.bone == body.bones[parent] and len(s.vertices)]
+    for joint, parent in enumerate(body.model.parents.tolist()[1:], start=1):
+        own = [s.vertices for s in surfaces if parent > 0 and s.bone == body.model.names[parent] and len(s.vertices)]
         if own:
             place = body.model.jointPlacements[joint].translation
             gaps += float(np.linalg.norm(np.concatenate(own) - place, axis=1).min())
@@ -176,7 +176,8 @@ def _gaps(body: Skeleton, surfaces: Sequence[LinkSurface]) -> float:
 
 
 def _bone(body: Skeleton, solid: Any) -> str | None:
-    return body.bones[solid.parentJoint - 1] if solid.parentJoint > 0 else None
+    """Name of the joint that carries a piece, also where its link is fixed to it."""
+    return body.model.names[solid.parentJoint] if solid.parentJoint > 0 else None
 
 
 def _surface(body: Skeleton, solid: Any) -> LinkSurface:

@@ -11,7 +11,7 @@ from motions.arrays import read_arrays
 from motions.errors import FileError
 from motions.files import printable, read_bytes
 from motions.limits import LARGEST_NUMBER
-from skeleton.robot.columns import TIME_NAMES, order_of
+from skeleton.robot.columns import TIME_NAMES, Numbers, order_of
 
 FloatArray = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class Table(NamedTuple):
     decisions: tuple[str, ...] = ()
 
 
-def read_npz(path: Path, expected: tuple[str, ...]) -> Table:
+def read_npz(path: Path, numbers: Numbers) -> Table:
     """The arrays of an NPZ file: `q` in Pinocchio's order, `qpos` in MuJoCo's, or root and joints apart.
 
     Raises:
@@ -63,6 +63,7 @@ def read_npz(path: Path, expected: tuple[str, ...]) -> Table:
             shapes = ", ".join(f"{n} {p.shape}" for n, p in zip((place, turn, joints), parts, strict=True))
             raise FileError(f"{path}: root and joints must have as many frames, got {shapes}")
         names = next((arrays[name] for name in _JOINT_NAMES if name in arrays), None)
+        expected = numbers.of_width(7 + parts[2].shape[1])
         order, told = np.arange(parts[2].shape[1]), "are taken to be in the robot's order"
         if names is not None:
             found = order_of([*expected[:7], *map(str, names.ravel())], expected, str(path)).places
@@ -92,7 +93,7 @@ def _number(path: Path, name: str, array: NDArray[np.generic]) -> float:
     return float(_numbers(path, name, array).ravel()[0])
 
 
-def read_csv(path: Path, expected: tuple[str, ...]) -> Table:
+def read_csv(path: Path, numbers: Numbers) -> Table:
     """The rows of a text file, with or without a row of names and a column of times.
 
     Raises:
@@ -113,6 +114,7 @@ def read_csv(path: Path, expected: tuple[str, ...]) -> Table:
     header = [printable(cell.strip("\"'")) for cell in header]
     time = next((k for k, name in enumerate(header) if name.lower() in TIME_NAMES), None)
     others = [k for k in range(len(header)) if k != time]
+    expected = numbers.of_width(len(others))
     order = order_of([header[k] for k in others], expected, f"{path}, line {kept[0] + 1}")
     rows, degrees = table[:, [others[k] for k in order.places]], order.degrees
     decisions = []

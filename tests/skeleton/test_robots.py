@@ -15,6 +15,7 @@ from motions.errors import FileError, UserError, ValueRangeError
 from skeleton import ROBOTS, RobotMotion, Skeleton, column_names, link_surfaces, load_configurations, missing_meshes
 from skeleton.robot.link_surfaces import collada_up, geometry_model
 from skeleton.shapes import Box, Capsule, Sphere
+from skeleton.urdf.mimics import followed
 
 MASS = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 SOLIDS = """
@@ -108,6 +109,7 @@ def test_surfaces_move_as_pinocchio_moves_the_geometry(name):
     kind = "visual" if name == "human" else "collision"
     pin.seed(3)
     q = pin.randomConfiguration(body.model, -np.ones(body.model.nq), np.ones(body.model.nq))
+    q = followed(q, body.mimics, body.model)
     track = body.track(q[None], fps=60)
     solids = geometry_model(body, kind)
     data, placements = body.model.createData(), pin.GeometryData(solids)
@@ -349,6 +351,13 @@ def chained(body: Skeleton, q: np.ndarray) -> dict[str, np.ndarray]:
     joints = {attribute(joint, "child", "link"): joint for joint in tree.findall("joint")}
     poses = {"root_joint": base @ floating}
 
+    def angle_of(joint: ElementTree.Element) -> float:
+        mimic, name = joint.find("mimic"), joint.get("name", "")
+        if mimic is None:
+            return angles[name]
+        source = next(other for other in joints.values() if other.get("name") == mimic.get("joint"))
+        return float(mimic.get("multiplier", 1.0)) * angle_of(source) + float(mimic.get("offset", 0.0))
+
     def link_pose(link: str) -> np.ndarray:
         if link not in joints:
             return poses["root_joint"]
@@ -361,7 +370,7 @@ def chained(body: Skeleton, q: np.ndarray) -> dict[str, np.ndarray]:
         if joint.get("type") != "fixed":
             axis = numbers(attribute(joint, "axis", "xyz"))
             turn = np.eye(4)
-            angle = angles[joint.get("name", "")]
+            angle = angle_of(joint)
             turn[:3, :3] = quaternions.to_matrix(quaternions.from_rotation_vector(angle * axis / np.linalg.norm(axis)))
             pose = pose @ turn
         poses[joint.get("name", "")] = pose

@@ -89,9 +89,12 @@ def _robot_alone(reading: Reading) -> _Subject | None:
     if name is None or reading.skeleton is not None or not (name in ROBOTS or Path(name).suffix.lower() == ".urdf"):
         return None
     robot = reading.robot(name)
+    fixed = int(robot.carriers.fixed.sum())
     rows = [
         ("robot", robot.model.name),
-        ("joints", f"{len(robot.bones)}, a configuration has {robot.model.nq} numbers"),
+        ("joints", f"{len(robot.bones) - fixed}, a configuration has {robot.model.nq} numbers"),
+        *([("fixed", f"{fixed} more bones, which are fixed to those")] if fixed else []),
+        *([("mimics", f"{len(robot.mimics)} joints follow others")] if robot.mimics else []),
         ("numbers", ", ".join(column_names(robot))),
     ]
     return _Subject(rows, robot, robot.bones, None, (), {}, robot.decisions, human=False)

@@ -1,0 +1,91 @@
+"""From a URDF file to a Pinocchio model, or to a sentence that says what the file is instead."""
+
+# Pinocchio lies in a folder that only a .pth file puts on the path, where pyright doesn't look.
+# pyright: reportMissingImports=false
+
+import os
+import re
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from motions.errors import FileError
+from motions.files import printable, read_bytes
+
+if TYPE_CHECKING:
+    import pinocchio
+
+_OTHERS = {"mujoco": "an MJCF file of MuJoCo", "sdf": "an SDF file of Gazebo"}
+
+
+def read_urdf(path: Path) -> ElementTree.Element:
+    """The root element of a URDF file.
+
+    Raises:
+        FileError: it is missing, no XML, or another format; says what to do.
+    """
+    content = read_bytes(path)
+    try:
+        robot = ElementTree.fromstring(content)
+        is_xacro = any("xacro" in element.tag for element in robot.iter())
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        if b"<xacro:" not in content:
+            raise FileError(f"{path} can't be read as URDF: {error}") from None
+        robot, is_xacro = None, True
+    if is_xacro or robot is None or path.suffix.lower() == ".xacro":
+        made = path.name.removesuffix(".xacro").removesuffix(".urdf") + "_made.urdf"
+        raise FileError(f"{path} is a xacro file, of which a URDF file is yet to be made: xacro {path} -o {made}")
+    if robot.tag in _OTHERS:
+        raise FileError(f"{path} is {_OTHERS[robot.tag]}, not URDF: convert it, or take the robot's URDF file")
+    return robot
+
+
+def model_of_urdf(path: Path, *, floating_base: bool) -> "pinocchio.Model":
+    """The model of a robot, with a joint in front that moves freely where one is wanted and missing.
+
+    Raises:
+        FileError: Pinocchio can't read the file, or nothing moves in it.
+    """
+    import pinocchio as pin
+
+    with _said_by_the_parser() as said:
+        try:
+            model = pin.buildModelFromUrdf(str(path))
+            floats = [joint.shortname() for joint in model.joints.tolist()[1:2]] == ["JointModelFreeFlyer"]
+            if floating_base and not floats:
+                model = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
+        except (ValueError, RuntimeError) as error:
+            problem = said() or " ".join(str(error).split())
+            raise FileError(f"{path} can't be read as URDF: {printable(problem)}") from None
+    if model.njoints < 2:
+        raise FileError(f"{path} has no joint that moves")
+    return model
+
+
+@contextmanager
+def _said_by_the_parser() -> Iterator[Callable[[], str]]:
+    """Give what asks for the first error that the URDF parser wrote in the block to where errors go, without place.
+
+    It writes to the file behind standard error, past Python's own `sys.stderr`.
+    """
+    with tempfile.TemporaryFile() as taken:
+
+        def said() -> str:
+            taken.seek(0)
+            found = re.search(r"Error:\s+(.*)", taken.read().decode(errors="replace"))
+            return found[1].strip() if found else ""
+
+        try:
+            usual = os.dup(2)
+        except OSError:  # there is no standard error
+            yield lambda: ""
+            return
+        try:
+            os.dup2(taken.fileno(), 2)
+            yield said
+        finally:
+            os.dup2(usual, 2)
+            os.close(usual)
