@@ -1,12 +1,17 @@
 """The errors that a user's input can cause; the command line prints each as one line and exits with status 2."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from operator import index
 
 
 class UserError(ValueError):
     """Base of every error caused by input: the text names what was wrong and what was available."""
+
+    @property
+    def at_command_line(self) -> str:
+        """The text for those who use the command line, not Python."""
+        return str(self)
 
 
 class FileError(UserError):
@@ -34,6 +39,22 @@ def likeliest(name: str, available: Iterable[str]) -> str | None:
     by_letters = {each.casefold(): each for each in available}
     found = difflib.get_close_matches(name.casefold(), by_letters, n=1, cutoff=0.7)
     return by_letters[found[0]] if found else None
+
+
+class MissingRolesError(UnknownNameError):
+    """Roles that no bone plays."""
+
+    def __init__(self, roles: Sequence[str], bones: Sequence[str]):
+        """State that none of the `bones` plays any of the `roles`, and how to name some by hand."""
+        kind = "bone for the role" if len(roles) == 1 else "bones for the roles"
+        self._text = f"no {kind} {', '.join(map(repr, roles))}; name {'it' if len(roles) == 1 else 'them'} by hand: "
+        self._roles, self._bones = tuple(roles), f". Bones: {', '.join(bones) or 'none'}"
+        ValueError.__init__(self, self._text + f'roles={{"{roles[0]}": "NAME"}}' + self._bones)
+
+    @property
+    def at_command_line(self) -> str:
+        """The same with options in place of arguments."""
+        return self._text + f"--attach {self._roles[0]}=BONE" + self._bones
 
 
 def require_whole(name: str, value: object, least: int, most: int) -> None:

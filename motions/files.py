@@ -20,18 +20,41 @@ def read_bytes(path: Path) -> bytes:
         FileError: it is missing, no regular file, too large, or can't be read.
     """
     try:
-        found = os.stat(path)
-        if stat.S_ISDIR(found.st_mode):
-            raise FileError(f"{path} is a directory, not a file")
-        if not stat.S_ISREG(found.st_mode):
-            raise FileError(f"{path} is not a regular file")
+        found = _regular(path)
         if found.st_size > LARGEST_FILE:
             raise FileError(f"{path} has {found.st_size / 2**20:.0f} MB, more than {LARGEST_FILE / 2**20:.0f}")
         return path.read_bytes()
     except (OSError, ValueError) as error:
         if isinstance(error, FileError):
             raise
-        raise FileError(f"can't read {str(path)[:200]}: {getattr(error, 'strerror', None) or error}") from None
+        raise FileError(_unreadable(path, error)) from None
+
+
+def require_file(path: Path) -> None:
+    """Check that a file is there, before what takes longer than to read it.
+
+    Raises:
+        FileError: it is missing, or no regular file.
+    """
+    try:
+        _regular(path)
+    except (OSError, ValueError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(_unreadable(path, error)) from None
+
+
+def _regular(path: Path) -> os.stat_result:
+    found = os.stat(path)
+    if stat.S_ISDIR(found.st_mode):
+        raise FileError(f"{path} is a directory, not a file")
+    if not stat.S_ISREG(found.st_mode):
+        raise FileError(f"{path} is not a regular file")
+    return found
+
+
+def _unreadable(path: Path, error: OSError | ValueError) -> str:
+    return f"can't read {str(path)[:200]}: {getattr(error, 'strerror', None) or error}"
 
 
 def printable(text: str) -> str:

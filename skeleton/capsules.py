@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from motions.errors import UnknownNameError, ValueRangeError
 from skeleton import proportions
-from skeleton.rest import NEXT_ROLE, RestPose, missing_roles
+from skeleton.rest import FRAME_ROLES, NEXT_ROLE, RestPose, missing_roles
 from skeleton.shapes import Capsule
 
 FloatArray = NDArray[np.float64]
@@ -63,7 +63,7 @@ def body_capsules(
         if value is not None and not (np.isfinite(value) and value > 0):
             raise ValueRangeError(f"the {label} of the capsules must be positive, got {value}")
     wanted = [name for name in CAPSULES if only is None or name in only]
-    if missing := missing_roles(rest, _FRAME_ROLES):
+    if missing := missing_roles(rest, FRAME_ROLES):
         return (), {name: _reason(missing) for name in wanted}
     figure = _Figure(rest, height or rest.height)
     capsules, left_out = [], {}
@@ -82,10 +82,6 @@ def body_capsules(
             Capsule(name, rest.bones[bone], rest.into_bone(bone, start), rest.into_bone(bone, end), radius, friction)
         )
     return tuple(capsules), left_out
-
-
-_FRAME_ROLES = tuple(f"{side}_{limb}" for side in SIDES for limb in ("upper_arm", "thigh", "shin", "foot"))
-"""Roles without which neither the body's directions nor its stature are known."""
 
 
 def _needed_roles(name: str) -> tuple[str, ...]:

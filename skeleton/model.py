@@ -3,7 +3,7 @@
 # Pinocchio lies in a folder that only a .pth file puts on the path, where pyright doesn't look.
 # pyright: reportMissingImports=false
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from motions.bodies.roles import ROLES, SIDES, find_roles, require_role
+from motions.bodies.roles import ROLES, SIDES, find_roles, require_role, require_roles
 from motions.bodies.shape import roles_by_shape
 from motions.clip import Clip
 from motions.conventions import to_z_up
@@ -158,6 +158,14 @@ class Skeleton:
             UnknownNameError: there is no such role or no bone for it; lists the bones and says how to name one by hand.
         """
         return require_role(name, self.roles, self.bones)
+
+    def require_roles(self, names: Iterable[str]) -> None:
+        """Check that bones play all of some roles.
+
+        Raises:
+            UnknownNameError: there is no such role, or no bone for some; names all of these, and lists the bones.
+        """
+        require_roles(names, self.roles, self.bones)
 
     def bone(self, bone_or_role: str) -> int:
         """Index of a bone given by its name, its role or the name of a link on it; a name wins over a role.

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
-from motions.bodies.roles import require_role
+from motions.bodies.roles import SIDES, require_role
 from motions.errors import ValueRangeError
 from skeleton import proportions
 
@@ -176,6 +176,11 @@ class RestPose:
         trunk = [self.bones.index(self.roles[role]) for role in ("chest", "pelvis") if role in self.roles]
         return not any(len(self.chain(bone, end)) > 1 for end in trunk)
 
+
+FRAME_ROLES: tuple[str, ...] = tuple(
+    f"{side}_{limb}" for side in SIDES for limb in ("upper_arm", "thigh", "shin", "foot")
+)
+"""Roles without which neither a body's directions nor its stature are known."""
 
 NEXT_ROLE: dict[str, str] = {
     f"{side}_{role}": f"{side}_{following}"

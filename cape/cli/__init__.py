@@ -29,7 +29,7 @@ def main() -> None:
         status = command.main(prog_name="cape", standalone_mode=False)
     except UserError as error:
         # What is interrupted along with this process, such as a viewer, may fail before this one takes notice.
-        status = 130 if interrupted else _refuse(str(error))
+        status = 130 if interrupted else _refuse(error.at_command_line)
     except TyperException as error:
         status = _refuse(f"{error.format_message()} (cape --help tells what there is)")
     except BrokenPipeError:
@@ -47,5 +47,7 @@ def main() -> None:
 
 
 def _refuse(text: str) -> int:
-    print("cape: " + printable(" ".join(text.split())), file=sys.stderr)
+    from cape.cli.words import shortened
+
+    print("cape: " + shortened(printable(" ".join(text.split()))), file=sys.stderr)
     return 2

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from cape.cli.reading import MOST_FPS, Reading
 from cape.kernels import store
 from motions.errors import FileError, UserError
+from motions.files import require_file
 from skeleton import (
     BoneTrack,
     Hitboxes,
@@ -18,6 +19,7 @@ from skeleton import (
     missing_meshes,
     retarget,
 )
+from skeleton.rest import FRAME_ROLES
 
 FITTED = ("limbs", "all")
 BY_PROPORTIONS = "body"
@@ -62,13 +64,16 @@ def read_character(reading: Reading, *, hitboxes: str | None = None) -> Characte
         body = reading.body(clip)
         solids = find_hitboxes(body, hitboxes or BY_PROPORTIONS)
         return _character(clip.name, body, body.track(clip), solids, (*clip.decisions, *body.decisions))
-    robot = reading.robot(reading.skeleton)
-    # Hitboxes are fitted to meshes, which takes seconds: whatever is wrong with the motion is told before.
+    # A robot's meshes, and hitboxes fitted to them, take seconds: whatever is wrong with the motion is told before.
     if (path := reading.configuration_file) is not None:
+        require_file(path)
+        robot = reading.robot(reading.skeleton)
         motion, retargeted, before = reading.configurations(path, robot), None, ()
         solids = find_hitboxes(robot, hitboxes or "limbs")
     else:
         clip = reading.load()
+        robot = reading.robot(reading.skeleton)
+        robot.require_roles(("pelvis", *FRAME_ROLES))
         solids = find_hitboxes(robot, hitboxes or "limbs")
         retargeted = retarget(clip, robot, hitboxes=solids)
         motion, before = retargeted.motion, clip.decisions

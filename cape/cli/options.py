@@ -50,6 +50,7 @@ Hitboxes = Annotated[
         "or a TOML file.",
     ),
 ]
+Verbose = Annotated[bool, typer.Option("--verbose", help="Tell all that there is to tell, however long it is.")]
 Layers = Annotated[str | None, typer.Option(help="Layers to record, separated by commas; by default all.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Spawn = Annotated[bool, typer.Option("--spawn", help="Open the recording in the Rerun viewer.")]
@@ -103,10 +104,13 @@ def motion(
     attach: Attach = None,
     rate: Rate = None,
     packages: Packages = None,
+    verbose: Verbose = False,
 ) -> "Reading":
     """The motion, who makes it, and how to read both."""
     from cape.cli.reading import Reading
+    from cape.cli.words import be_verbose
 
+    be_verbose(verbose)
     return Reading(
         clip,
         unit=unit,

@@ -12,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from cape.cli.character import Character
 from cape.cli.compiling_told import telling
+from cape.cli.words import gathered
 from cape.results.take import Take
 from cape.run.auto import Auto
 from cape.run.simulate import SlowWarning, simulate
@@ -41,7 +42,7 @@ def simulated(
         ValueRangeError: the cape can't be put on.
     """
     console = Console(stderr=True)
-    for decision in who.decisions:
+    for decision in gathered(who.decisions):
         told = printable(f"{who.name}: {decision}")
         console.print(told, style="dim", highlight=False, markup=False, soft_wrap=True)
     with _told(console), _loading("rerun.blueprint", "pyarrow.compute") as begin, _progress(console) as advance:

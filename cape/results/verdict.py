@@ -12,6 +12,8 @@ NOTABLE_STRETCH = 0.1
 STUCK_DEPTH = 0.001  # m; a vertex that rests on a collider without thickness is in it by less
 STUCK_FRAMES = 10  # in a row
 NAMED_VERTICES = 5
+NEARBY_FRAMES = 10  # in which what stretches a cloth is looked for
+FAST = 15.0  # m/s of a bone: faster than a sprinter's foot swings in all but records
 
 
 def warnings_of(take: Take) -> list[str]:
@@ -20,7 +22,7 @@ def warnings_of(take: Take) -> list[str]:
         *penetration_warnings(take),
         *stuck_warnings(take),
         *reach_warnings(take),
-        *stretch_warnings(take.stretch_max),
+        *stretch_warnings(take),
     ]
 
 
@@ -81,20 +83,39 @@ def reach_warnings(take: Take) -> list[str]:
             frame = int(take.contacts.frames[met[0]])
             warnings.append(
                 f"the cloth stretches as far as {collider.name} at frame {frame}, which was left out as beyond its "
-                "reach: use a stiffer fabric, or simulate with cull=False"
+                "reach: it may have passed through before"
             )
     return warnings
 
 
-def stretch_warnings(strains: FloatArray) -> list[str]:
-    """Tell of notable stretch; the largest strain of each frame, shape (F,)."""
+def stretch_warnings(take: Take) -> list[str]:
+    """Tell of notable stretch, and what brought it about."""
+    strains = take.stretch_max
     worst, frames = int(strains.argmax()), int((strains > NOTABLE_STRETCH).sum())
     if frames == 0:
         return []
     return [
         f"the cloth stretches by up to {strains[worst]:.0%} at frame {worst}, for {frames} frames: "
-        "use a stiffer fabric, more substeps (xpbd), or look whether limbs hold it fast"
+        f"{_cause_of_stretch(take, worst)}"
     ]
+
+
+def _cause_of_stretch(take: Take, frame: int) -> str:
+    """What most likely drew the cloth out at a frame, and what helps."""
+    around = slice(max(frame - NEARBY_FRAMES, 0), frame + NEARBY_FRAMES + 1)
+    jumps = [jump for jump in take.jumps if around.start <= jump <= frame]
+    if jumps and jumps[-1] not in take.renewed:
+        return f"it was carried along as the bones jumped at frame {jumps[-1]}; --cuts reset puts it on anew there"
+    if len(places := take.bones.positions[around]) > 1:
+        ways = np.linalg.norm(np.diff(places, axis=0), axis=2).max(axis=1)
+        fastest = float((ways / np.diff(take.bones.times[around])).max())
+        if fastest > FAST:
+            return f"bones move at {fastest:.0f} m/s there: look whether the motion's unit and frame rate are right"
+    if take.penetration[around].max() > STUCK_DEPTH:
+        return "limbs that pass through each other hold it fast"
+    if take.solver == "xpbd":
+        return "more substeps, or a stiffer fabric, hold it better"
+    return "look whether something holds it fast; a stiffer fabric stretches less"
 
 
 def _for_frames(frames: NDArray[np.int64]) -> str:

@@ -17,6 +17,7 @@ from cape.scene.holding.attachments import Attachment, attach
 from cape.scene.holding.confinement import confine
 from cape.scene.scene import WEARER_ROLES, Scene
 from cape.scene.self_contact import SelfContact
+from skeleton.rest import FRAME_ROLES
 from skeleton.track import BoneTrack
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ def dress(
             shoulders, upper arms, chest, pelvis or head, as far as the garment needs them, that are known by name.
     """
     kind = registry.garment(garment)
+    body.require_roles((*WEARER_ROLES, *FRAME_ROLES))
     colliders = body.capsules() if colliders is None else tuple(colliders)
     fitted = Fitted(body, colliders)
     worn = kind.fit(fitted, Measures(length=length, flare=flare, spacing=spacing, fabric=fabric))
@@ -71,8 +73,7 @@ def dress(
     worn = worn._replace(holds=tuple(own for own in worn.holds if own.region not in hold))
     for bone in hold.values():
         body.bone(bone)
-    for role in (*(own.bone for own in worn.holds), *(kept.bone for kept in worn.kept), *WEARER_ROLES):
-        body.role(role)  # says how to name a bone by hand where none is found
+    body.require_roles((*(own.bone for own in worn.holds), *(kept.bone for kept in worn.kept)))
     scene = Scene(
         worn.cloth,
         _attachments(worn, hold),

@@ -2,10 +2,10 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from motions.errors import UnknownNameError
+from motions.errors import MissingRolesError, UnknownNameError
 
 SIDES = ("left", "right")
 LIMBS = ("shoulder", "upper_arm", "forearm", "hand", "thigh", "shin", "foot")
@@ -96,12 +96,22 @@ def require_role(role: str, roles: Mapping[str, str], joints: Sequence[str]) -> 
     Raises:
         UnknownNameError: there is no such role, or no joint was found for it; lists the joints and how to name one.
     """
-    if role not in ROLES:
-        raise UnknownNameError("role", role, ROLES)
-    if role not in roles:
-        hint = f'Name the bone by hand: roles={{"{role}": "NAME"}} in Python, --attach {role}=NAME on the command line'
-        raise UnknownNameError("bone for the role", role, joints, hint)
+    require_roles([role], roles, joints)
     return roles[role]
+
+
+def require_roles(wanted: Iterable[str], roles: Mapping[str, str], joints: Sequence[str]) -> None:
+    """Check that joints were found for all roles that are wanted.
+
+    Raises:
+        UnknownNameError: there is no such role, or no joint was found for some; names all of them, lists the joints
+            and how to name one.
+    """
+    wanted = tuple(dict.fromkeys(wanted))
+    if unknown := [role for role in wanted if role not in ROLES]:
+        raise UnknownNameError("role", unknown[0], ROLES)
+    if missing := [role for role in wanted if role not in roles]:
+        raise MissingRolesError(missing, joints)
 
 
 class _Tree:

@@ -11,6 +11,7 @@ from cape.cli.figures.rows import print_rows
 from cape.cli.output import open_viewer, output_path
 from cape.cli.reading import Reading
 from cape.cli.running import simulated
+from cape.cli.words import gathered
 from cape.reach import Reach, reach_of
 from cape.results.take import Take
 from cape.scene.colliders import Collider
@@ -44,7 +45,7 @@ def run(
         record.save(take, path, surfaces=who.surfaces, tab="hitboxes")
         touched = _touched(take)
         rows = [(c.name, f"{_text(c, reach)}; {touched[c.name]}") for c in take.colliders]
-        notes = [("result", take.result), *(("", warning) for warning in take.warnings)]
+        notes = [("result", take.result), *(("", warning) for warning in gathered(take.warnings))]
         status = 130 if take.result.startswith("stopped") else 0
     print_rows([*rows, *missing, *_fit_rows(who), *notes, ("recording", str(path))])
     if spawn:

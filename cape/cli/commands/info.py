@@ -14,6 +14,7 @@ from cape.cli.character import BY_PROPORTIONS, find_hitboxes, read_character
 from cape.cli.figures.retargeting import retarget_facts, retarget_rows
 from cape.cli.figures.rows import print_rows
 from cape.cli.reading import Reading
+from cape.cli.words import gathered, shortened
 from cape.reach import reach_of
 from cape.scene.colliders import Collider
 from cape.scene.dress import dress
@@ -65,7 +66,7 @@ def run(reading: Reading, *, hitboxes: str | None = None, json: bool = False) ->
     facts = [
         *subject.rows,
         ("body", "of unknown height" if height is None else f"{height:.2f} m tall"),
-        *(("decided", decision) for decision in subject.decisions),
+        *(("decided", decision) for decision in gathered(subject.decisions)),
         *(("role", f"{role}: {body.roles[role]}") for role in ROLES if role in body.roles),
         ("capsules", ", ".join(solid.name for solid in subject.solids) or "none"),
         *(("left out", f"{name}: {reason}") for name, reason in subject.left_out.items()),
@@ -178,7 +179,7 @@ def _cape_rows(subject: _Subject) -> list[tuple[str, str]]:
         scene = dress(subject.body, subject.track, colliders=subject.solids)
         reach = reach_of(scene, subject.track)
     except UserError as error:
-        return [("cape", f"none: {error}")]
+        return [("cape", f"none: {shortened(error.at_command_line)}")]
     return [
         ("cape", f"{scene.cloth.vertices} vertices that reach {reach.radius:.2f} m"),
         *(("beyond reach", f"{name}: {reason}") for name, reason in reach.left_out.items()),

@@ -15,6 +15,7 @@ from cape.cli.measuring import sections
 from cape.cli.output import output_path
 from cape.cli.reading import Reading
 from cape.cli.running import ended_in_order, simulated
+from cape.cli.words import gathered
 from cape.pictures import films, stills
 from cape.pictures.eye import side_of
 from cape.pictures.stills import Side
@@ -116,7 +117,7 @@ def _replay(reading: Reading, cut: Cut, path: Path, hitboxes: str | None) -> boo
     who = read_character(reading, hitboxes=hitboxes)
     take = simulated(cut.scene(who), who, solver=cut.method(), cuts=cut.way_at_cuts(), loop=cut.loop)
     take.save(path, surfaces=who.surfaces)
-    print_rows([("result", take.result), *(("", warning) for warning in take.warnings)])
+    print_rows([("result", take.result), *(("", warning) for warning in gathered(take.warnings))])
     return not take.result.startswith("stopped")
 
 

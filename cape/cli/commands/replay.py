@@ -18,6 +18,7 @@ from cape.cli.figures.rows import print_rows
 from cape.cli.output import open_viewer, output_path
 from cape.cli.reading import Reading, named_pairs
 from cape.cli.running import simulated
+from cape.cli.words import gathered
 from cape.cloth.fabrics import fabric
 from cape.garments import registry
 from cape.measure.self_crossings import share_crossed
@@ -154,6 +155,8 @@ def run(
     """Simulate, record, report; gives the exit status."""
     cut.check()
     check_layers(layers, LAYERS)
+    if output is not None:
+        output_path(output, "", inputs=(*reading.files, hitboxes))
     who = read_character(reading, hitboxes=hitboxes)
     path = output_path(output, who.name, inputs=(*reading.files, hitboxes))
     track, scene = who.track, cut.scene(who)
@@ -235,7 +238,7 @@ def _print_table(take: Take, facts: dict[str, Any]) -> None:
         *loop_rows(facts),
         *check_rows(facts.get("check", {})),
         ("result", facts["result"]),
-        *(("", note) for note in facts["warnings"]),
+        *(("", note) for note in gathered(facts["warnings"])),
         ("recording", facts["output"]),
     ]
     print_rows(rows)
