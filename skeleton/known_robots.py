@@ -43,7 +43,8 @@ def find_urdf(path_or_name: str | Path, package_dirs: Sequence[str | Path] = ())
 
     Args:
         path_or_name: "walker.urdf", "package://walker_description/urdf/walker.urdf" or "g1".
-        package_dirs: folders that hold packages, looked into before those of the environment's ROS_PACKAGE_PATH.
+        package_dirs: folders that hold packages, looked into before those of the environment's ROS_PACKAGE_PATH
+            and AMENT_PREFIX_PATH.
 
     Raises:
         UnknownNameError: neither a file nor the name of a robot; lists the robots.
@@ -81,7 +82,9 @@ def known_roles(path_or_name: str | Path) -> Mapping[str, str]:
 
 
 def _ros_folders() -> list[Path]:
-    return [Path(folder) for folder in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if folder]
+    """Folders of packages as ROS knows them: its first version by one variable, its second one by another."""
+    first, second = (os.environ.get(name, "").split(os.pathsep) for name in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"))
+    return [*(Path(folder) for folder in first if folder), *(Path(folder) / "share" for folder in second if folder)]
 
 
 def _robots_folder() -> Path:

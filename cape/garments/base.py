@@ -22,12 +22,20 @@ class Measures:
         flare: length of the hem divided by that around the neckline, or around the shoulders where it lies on them.
         spacing: mean distance of neighbouring vertices [m].
         fabric: what it is made of.
+        room: length [m] that a garment's own does not exceed.
     """
 
     length: float | None = None
     flare: float | None = None
     spacing: float | None = None
     fabric: Fabric | None = None
+    room: float | None = None
+
+    def length_of(self, own: float) -> float:
+        """Length [m] as asked, or a garment's own as far as there is room."""
+        if self.length is not None:
+            return self.length
+        return own if self.room is None else min(own, self.room)
 
     def sizes(self, height: float, *, length: float, flare: float, spacing: float) -> tuple[float, float, float]:
         """Length [m], flare and spacing [m] as asked, or a garment's own; lengths of these are shares of a height [m].
@@ -35,7 +43,7 @@ class Measures:
         Raises:
             ValueRangeError: one is not positive.
         """
-        length = length * height if self.length is None else self.length
+        length = self.length_of(length * height)
         flare = flare if self.flare is None else self.flare
         spacing = spacing * height if self.spacing is None else self.spacing
         tailoring.require_positive(length=length, flare=flare, spacing=spacing)

@@ -63,7 +63,7 @@ class Cut:
             fitted,
             self.begin,
             self.end,
-            length=self.length * fitted.height if measures.length is None else measures.length,
+            length=measures.length_of(self.length * fitted.height),
             flare=self.flare if measures.flare is None else measures.flare,
             spacing=spacing,
             clearance=thickness + CLEARANCE,

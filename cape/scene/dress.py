@@ -17,6 +17,7 @@ from cape.scene.holding.attachments import Attachment, attach
 from cape.scene.holding.confinement import confine
 from cape.scene.scene import WEARER_ROLES, Scene
 from cape.scene.self_contact import SelfContact
+from cape.scene.stance import room_on_all_fours
 from skeleton.rest import FRAME_ROLES
 from skeleton.track import BoneTrack
 
@@ -45,8 +46,9 @@ def dress(
         body: the character.
         track: its motion, of all bones.
         garment: which of `GARMENTS`.
-        length: of the garment [m], down from where it is held; None for its own, as 0.62 of the body's height. A sash
-            has none but that which it takes around the body.
+        length: of the garment [m], down from where it is held; None for its own, as 0.62 of the body's height, or
+            as much as there is room above the floor for a body that goes on all fours throughout. A sash has none but
+            that which it takes around the body.
         flare: length of the hem divided by that of the neckline, or of the waist, or of the ring around the shoulders
             where the garment lies on them; None for the garment's own.
         spacing: mean distance of neighbouring vertices [m]; None for the garment's own, as 0.0137 of the body's height.
@@ -68,7 +70,9 @@ def dress(
     body.require_roles((*WEARER_ROLES, *FRAME_ROLES))
     colliders = body.capsules() if colliders is None else tuple(colliders)
     fitted = Fitted(body, colliders)
-    worn = kind.fit(fitted, Measures(length=length, flare=flare, spacing=spacing, fabric=fabric))
+    floor = floor_under(colliders, track)
+    room = room_on_all_fours(track, float(floor.point[2])) if length is None else None
+    worn = kind.fit(fitted, Measures(length=length, flare=flare, spacing=spacing, fabric=fabric, room=room))
     hold = hold or {}
     worn = worn._replace(holds=tuple(own for own in worn.holds if own.region not in hold))
     for bone in hold.values():
@@ -77,7 +81,7 @@ def dress(
     scene = Scene(
         worn.cloth,
         _attachments(worn, hold),
-        (*colliders, floor_under(colliders, track)),
+        (*colliders, floor),
         wind=wind or Wind(),
         self_contact=_self_contact(worn.layered if self_contact is None else self_contact),
         thickness=Scene.thickness if worn.thickness is None else worn.thickness,

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 
+_ASSET = 20_000  # characters of a Collada file's beginning, of which its head takes some hundreds
+
+
 @dataclass(frozen=True, eq=False)
 class LinkSurface:
     """A piece of a link: a triangle mesh that a bone carries.
@@ -58,9 +61,10 @@ def link_surfaces(body: Skeleton, kind: Kind, *, bones: Collection[str] | None =
         kind: which of the two.
         bones: names of the bones whose links are wanted, all by default.
 
-    Collada files say which of their axes points up. Some robots' files count on meshes being turned by it (as Gazebo
-    does), others on its being ignored (as RViz does): the meshes are turned if that brings them nearer to the joints at
-    the far ends of their links. Pinocchio ignores it, so these surfaces may differ from `geometry_model`. A mesh whose
+    Collada files say which of their axes points up, and Y does in those of glTF. Some robots' files count on meshes
+    being turned by it (as Gazebo does), others on its being ignored (as RViz does): the meshes are turned if that
+    brings them nearer to the joints at the far ends of their links. Collada's unit of length counts. Pinocchio ignores
+    both, so these surfaces may differ from `geometry_model`. A mesh that is mirrored is turned outside out. One whose
     triangles leave out vertices is garbled, and its convex hull stands for it. For one that is missing the link's shape
     of the other kind does, or nothing (`missing_meshes`).
 
@@ -151,11 +155,31 @@ def missing_meshes(body: Skeleton, kind: Kind) -> tuple[str, ...]:
 
 
 def collada_up(path: str | Path) -> str:
-    """The axis of a mesh file that points up, "x", "y" or "z": z for all but Collada files that name another."""
+    """The axis of a mesh file that points up, "x", "y" or "z": z but for glTF, and Collada files that name another."""
+    if Path(path).suffix.lower() in (".glb", ".gltf"):
+        return "y"
     if Path(path).suffix.lower() != ".dae":
         return "z"
-    found = re.search(r"<up_axis>\s*([XYZ])_UP", Path(path).read_text(encoding="utf-8", errors="replace"))
+    found = re.search(r"<up_axis>\s*([XYZ])_UP", _beginning(path))
     return found.group(1).lower() if found else "z"
+
+
+def collada_unit(path: str | Path) -> float:
+    """Metres per unit of length of a mesh file: 1 for all but Collada files that tell another."""
+    if Path(path).suffix.lower() != ".dae":
+        return 1.0
+    found = re.search(r"<unit\b[^>]*\bmeter\s*=\s*[\"']([0-9.eE+-]+)[\"']", _beginning(path))
+    try:
+        unit = float(found.group(1)) if found else 1.0
+    except ValueError:
+        return 1.0
+    return unit if 0.0 < unit < np.inf else 1.0
+
+
+def _beginning(path: str | Path) -> str:
+    """Of a mesh file, where a Collada file tells of its axes and its unit."""
+    with Path(path).open(encoding="utf-8", errors="replace") as file:
+        return file.read(_ASSET)
 
 
 def _turned(vertices: FloatArray, placement: Any, up: str) -> FloatArray:
@@ -184,6 +208,8 @@ def _surface(body: Skeleton, solid: Any) -> LinkSurface:
     bone = _bone(body, solid)
     rotation, origin = solid.placement.rotation, solid.placement.translation
     vertices, triangles = _mesh(solid.geometry)
+    if np.prod(solid.meshScale) < 0.0:
+        triangles = triangles[:, ::-1].copy()  # what is mirrored is inside out
     surface = LinkSurface(
         name=solid.name,
         link=body.model.frames[int(solid.parentFrame)].name,
@@ -194,8 +220,8 @@ def _surface(body: Skeleton, solid: Any) -> LinkSurface:
         primitive=_primitive(solid, bone),
     )
     triangles.flags.writeable = False
-    # Coal has scaled a mesh already as the file asks.
-    return _with_vertices(surface, vertices @ rotation.T + origin)
+    # Coal has scaled a mesh already as the robot's file asks, but not by a unit of the mesh's own.
+    return _with_vertices(surface, collada_unit(solid.meshPath) * vertices @ rotation.T + origin)
 
 
 def _with_vertices(surface: LinkSurface, vertices: FloatArray) -> LinkSurface:

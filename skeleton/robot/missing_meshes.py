@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Literal
 from urllib.parse import unquote
 
-from motions.errors import FileError
-from motions.files import printable, read_bytes
+from motions.files import printable
+from skeleton.urdf.reader import read_urdf
 
 Kind = Literal["visual", "collision"]
 
@@ -17,11 +17,11 @@ MOST_MISSING = 0.5  # share of a kind's pieces: beyond it the folders are wrong,
 
 @dataclass(frozen=True)
 class Mended:
-    """A robot's file in which other shapes stand in for meshes that are missing.
+    """A robot's file in which meshes are named by where they were found, and other shapes stand in for those missing.
 
     Attributes:
-        text: the file, None where nothing is missing, or too much.
-        missing: link and mesh of each that is missing, and what stands in for it.
+        text: the file, None where it can stay as it is.
+        missing: link and mesh of each that is missing, and what stands in for it; none where too many are.
     """
 
     text: str | None
@@ -31,6 +31,9 @@ class Mended:
 def mended(urdf: Path, folders: Sequence[str], kind: Kind) -> Mended:
     """Put a link's shape of the other kind in the place of each mesh of a kind that no folder holds, or nothing.
 
+    A package whose folder has another name, as after a download, is taken to be the nearest folder above the robot's
+    file that holds the mesh.
+
     Args:
         urdf: the robot's file.
         folders: that may hold the packages which it names.
@@ -39,38 +42,47 @@ def mended(urdf: Path, folders: Sequence[str], kind: Kind) -> Mended:
     Raises:
         FileError: the file can't be read.
     """
-    try:
-        robot = ElementTree.fromstring(read_bytes(urdf))
-    except ElementTree.ParseError as error:
-        raise FileError(f"{urdf} can't be read as URDF: {error}") from None
+    robot = read_urdf(urdf)
     other: Kind = "collision" if kind == "visual" else "visual"
-    told, pieces = [], 0
+    told, pieces, renamed = [], 0, False
+    places = {mesh: _place(mesh.get("filename", ""), urdf, folders) for mesh in robot.iter("mesh")}
+    for mesh, place in places.items():
+        if isinstance(place, Path):
+            mesh.set("filename", str(place))
+            renamed = True
+    whole = ElementTree.tostring(robot, encoding="unicode") if renamed else None
+
+    def is_missing(piece: ElementTree.Element) -> bool:
+        mesh = piece.find("geometry/mesh")
+        return mesh is not None and places[mesh] is None
+
     for link in robot.iter("link"):
         for piece in link.findall(kind):
             pieces += 1
-            name = _missing(piece, urdf, folders)
-            if name is None:
+            mesh = piece.find("geometry/mesh")
+            if mesh is None or not is_missing(piece):
                 continue
-            stand_ins = [found for found in link.findall(other) if _missing(found, urdf, folders) is None]
+            stand_ins = [found for found in link.findall(other) if not is_missing(found)]
             link.remove(piece)
             for found in stand_ins:
                 copy = ElementTree.SubElement(link, kind)
                 copy.extend([part for part in found if part.tag in ("origin", "geometry")])
             words = f"its {other} shape stands in for it" if stand_ins else "it is left out"
-            told.append(f"the mesh {printable(name)} of {printable(link.get('name', ''))} is missing: {words}")
+            name = printable(mesh.get("filename", ""))
+            told.append(f"the mesh {name} of {printable(link.get('name', ''))} is missing: {words}")
     if not told or len(told) > MOST_MISSING * pieces:
-        return Mended(None, ())
+        return Mended(whole, ())
     return Mended(ElementTree.tostring(robot, encoding="unicode"), tuple(told))
 
 
-def _missing(piece: ElementTree.Element, urdf: Path, folders: Sequence[str]) -> str | None:
-    """Name of a piece's mesh that is in no folder; None where it is there, or the piece is no mesh."""
-    mesh = piece.find("geometry/mesh")
-    name = None if mesh is None else mesh.get("filename")
-    if name is None:
-        return None
+def _place(name: str, urdf: Path, folders: Sequence[str]) -> Path | Literal["as named"] | None:
+    """Where a mesh is found that isn't where its name tells; "as named" where it is, or has none, None for nowhere."""
     path = unquote(name.removeprefix("file://"))
-    if name.startswith(("package://", "model://")):
-        inside = name.partition("://")[2]
-        return None if any((Path(folder) / inside).is_file() for folder in folders) else name
-    return None if (urdf.parent / path).is_file() else name
+    if not name.startswith(("package://", "model://")):
+        return "as named" if not name or (urdf.parent / path).is_file() else None
+    inside = name.partition("://")[2]
+    if any((Path(folder) / inside).is_file() for folder in folders):
+        return "as named"
+    within = inside.partition("/")[2]
+    above = [folder / within for folder in urdf.resolve().parents]
+    return next((place for place in above if within and place.is_file()), None)

@@ -90,6 +90,11 @@ def test_a_clip_on_a_robot(folder):
 
 WRONG = {
     "a robot's motion without a robot": (["replay", "squat.csv"], "name the robot, such as --skeleton g1"),
+    "a motion that is not there, before the robot is": (
+        ["replay", "none.csv", "--skeleton", "none.urdf"],
+        "can't read none.csv: No such file",
+    ),
+    "a clip that is not there, before the robot is": (["replay", "none", "--skeleton", "none.urdf"], "no file 'none'"),
     "an unknown robot": (["replay", "--skeleton", "r2d2"], "available: g1, talos"),
     "hitboxes of no kind": (["replay", "--hitboxes", "feet"], "available: limbs, all, body, or a TOML file"),
     "fitted hitboxes of a clip's body": (["replay", "--hitboxes", "all"], "needs a robot"),

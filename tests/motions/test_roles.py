@@ -4,6 +4,7 @@ import pytest
 
 import motions
 from motions import ROLES, UnknownNameError, find_roles, require_role
+from motions.bodies.roles import require_roles
 
 # For each convention: the trunk from the root to the chest, neck and head, the left arm, the left leg (each a chain);
 # then the names expected for the roles of trunk ("-" for none), arm and leg.
@@ -183,8 +184,12 @@ def test_missing_role_lists_bones_and_says_how_to_name_one():
     assert require_role("head", {"head": "Kopf"}, ["Kopf"]) == "Kopf"
     with pytest.raises(UnknownNameError) as error:
         require_role("left_shoulder", {}, ["Hips", "Kopf"])
-    for part in ("left_shoulder", "Hips, Kopf", 'roles={"left_shoulder": "NAME"}', "--attach left_shoulder=NAME"):
+    for part in ("left_shoulder", "Hips, Kopf", 'roles={"left_shoulder": "NAME"}'):
         assert part in str(error.value)
+    for part in ("left_shoulder", "Hips, Kopf", "--attach left_shoulder=BONE"):
+        assert part in error.value.at_command_line
+    with pytest.raises(UnknownNameError, match="'left_shoulder', 'chest'; name them by hand"):
+        require_roles(["left_shoulder", "head", "chest"], {"head": "Kopf"}, ["Kopf"])
     with pytest.raises(UnknownNameError, match="no role named 'tail'"):
         require_role("tail", {}, ["Hips"])
 

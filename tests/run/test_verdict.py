@@ -8,7 +8,7 @@ import pytest
 import cape
 from cape.measure.contact_points import ContactPoints
 from cape.results.take import Take
-from cape.results.verdict import penetration_warnings, reach_warnings, stuck_warnings
+from cape.results.verdict import penetration_warnings, reach_warnings, stretch_warnings, stuck_warnings
 from tests.support.takes import take_of
 
 FRAMES = 40
@@ -89,6 +89,30 @@ def test_a_collider_that_was_left_out_and_yet_met_is_told():
     met = take_with(stay(7, 2, 0, 1, -0.005) + stay(0, 3, 0, 0, 0.0), left_out={"globe": "far away"})
     (warning,) = reach_warnings(met)
     assert warning.startswith("the cloth stretches as far as globe at frame 7, which was left out")
+
+
+def test_advice_on_stretch_fits_what_brought_it_about():
+    """Of a jump, of speed and of limbs that hold the cloth; a solver's name and the fabric belong to none of these."""
+    stretch, depth = np.zeros(FRAMES), np.zeros(FRAMES)
+    stretch[20], depth[17] = 0.3, 0.004
+    take = take_with([], stretch_max=stretch, solver="xpbd")
+
+    def told(**changes) -> str:
+        (warning,) = stretch_warnings(replace(take, **changes))
+        head, _, advice = warning.partition(": ")
+        assert head == "the cloth stretches by up to 30% at frame 20, for 1 frames"
+        return advice
+
+    assert "substeps" in told()
+    assert "substeps" not in told(solver="euler")
+    assert told(jumps=(18,)).endswith("--cuts reset puts it on anew there")
+    assert "substeps" in told(jumps=(18,), renewed=(18,))
+    assert "substeps" in told(jumps=(2, 30))
+    assert told(penetration=depth) == "limbs that pass through each other hold it fast"
+    positions = take.bones.positions.copy()
+    positions[16:] += 0.4  # m along each axis in a 60th of a second
+    fast = replace(take.bones, positions=positions)
+    assert told(bones=fast, penetration=depth).startswith("bones move at 42 m/s there: ")
 
 
 @pytest.mark.parametrize("frames", [[0, 1, 2], [2, 0], [1], []])

@@ -13,6 +13,7 @@ from cape.scene.poses import poses_of, read_pose
 from motions import quaternions
 from motions.errors import UnknownNameError
 from skeleton import BoneTrack, Capsule, Skeleton
+from tests.support.figures import figure
 
 
 def track_of(heights: np.ndarray) -> BoneTrack:
@@ -116,3 +117,45 @@ def test_a_bone_holds_the_parts_of_a_garment_that_it_is_asked_to():
         cape.dress(body, track, hold={"tail": "chest"})
     with pytest.raises(UnknownNameError, match="LeftHand"):
         cape.dress(body, track, hold={"collar": "wing"})
+
+
+def on_all_fours(frames: int = 2) -> tuple[Skeleton, BoneTrack]:
+    """A person whose trunk is level, with arms and thighs straight down."""
+    upright = figure(frames=frames)
+    rotations, down = upright.rotations_wxyz.copy(), np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0])
+    rotations[:, 0] = down * [1, -1, 1, 1]
+    for joint in ("LeftArm", "RightArm", "LeftUpLeg", "RightUpLeg"):
+        rotations[:, upright.joints.index(joint)] = down
+    clip = replace(upright, rotations_wxyz=rotations)
+    # Its roles and its measures are those of the clip in which it stands.
+    return Skeleton.from_clip(upright), Skeleton.from_clip(upright).track(clip)
+
+
+def test_a_cape_on_all_fours_ends_above_the_floor():
+    body, track = on_all_fours()
+    scene = cape.dress(body, track, spacing=0.06)
+    (floor,) = (c for c in scene.colliders if isinstance(c, cape.Plane))
+    take = cape.simulate(scene, track)
+    assert take.positions[..., 2].min() > floor.point[2] + 0.02
+    # One that stands for a part of the motion has all of its cape, and so has one who asks for a length.
+    standing = body.track(figure(frames=2))
+    half = replace(
+        track,
+        positions=np.concatenate([track.positions[:1], standing.positions[1:]]),
+        rotations_wxyz=np.concatenate([track.rotations_wxyz[:1], standing.rotations_wxyz[1:]]),
+    )
+    whole = cape.dress(body, half, spacing=0.06).cloth.vertices
+    assert whole > 1.2 * scene.cloth.vertices
+    own = 0.62 * body.height()
+    assert cape.dress(body, track, spacing=0.06, length=own).cloth.vertices == whole
+
+
+def test_all_missing_roles_are_named_at_once():
+    body = Skeleton.from_clip(figure(frames=2, without=("LeftShoulder", "RightUpLeg")))
+    with pytest.raises(UnknownNameError) as told:
+        cape.dress(body, body.track(figure(frames=2, without=("LeftShoulder", "RightUpLeg"))))
+    for role in ("left_upper_arm", "right_thigh", "right_shin", "right_foot"):
+        assert repr(role) in str(told.value)
+    assert "roles={" in str(told.value)
+    assert "--attach " in told.value.at_command_line
+    assert "roles={" not in told.value.at_command_line
