@@ -19,7 +19,7 @@ from motions.errors import UnknownNameError, ValueRangeError
 from motions.kinematics import forward_kinematics
 from skeleton.capsules import Capsule, body_capsules
 from skeleton.known_robots import RobotSource, find_urdf, known_roles, package_folders
-from skeleton.rest import RestPose, mean_rotations, missing_roles
+from skeleton.rest import FRAME_ROLES, RestPose, mean_rotations, missing_roles
 from skeleton.robot_motion import RobotMotion
 from skeleton.track import BoneTrack, nearest_parents
 from skeleton.urdf.carriers import Carriers, RobotBones, poses_in
@@ -97,6 +97,7 @@ class Skeleton:
             fixed=np.zeros(len(clip.joints), dtype=bool),
         )
         carriers = Carriers.of_joints(len(clip.joints))
+        decisions = (*decisions, *_on_legs(rest))
         return Skeleton(_model_of_clip(clip), rest.bones, rest.parents, carriers, found, rest, decisions=decisions)
 
     @staticmethod
@@ -133,15 +134,16 @@ class Skeleton:
         found = roles_of_robot(bones, {**given, **(roles or {})})
         chosen, decisions = (up, ()) if up else _choose_up(_robot_rest(model, bones, mimics, found))
         _stand_up(model, chosen)
+        rest = _robot_rest(model, bones, mimics, found)
         return Skeleton(
             model,
             bones.names,
             bones.parents,
             bones.carriers,
             found,
-            _robot_rest(model, bones, mimics, found),
+            rest,
             RobotSource(path, tuple(package_folders(path, package_dirs))),
-            (*decisions, *unfollowed),
+            (*decisions, *unfollowed, *_on_legs(rest)),
             mimics,
             bones.links,
         )
@@ -324,6 +326,13 @@ def _robot_rest(
         single_axis=(axes == 1) & ~bones.carriers.fixed,
         fixed=bones.carriers.fixed,
     )
+
+
+def _on_legs(rest: RestPose) -> tuple[str, ...]:
+    """A sentence on a body that has shoulders, and no legs to measure it by."""
+    if rest.has_legs or missing_roles(rest, FRAME_ROLES):
+        return ()
+    return (f"no legs: by its arms it is taken for one that is {rest.height:.2f} m tall",)
 
 
 def _choose_up(rest: RestPose) -> tuple[str, tuple[str, ...]]:

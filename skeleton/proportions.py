@@ -46,6 +46,12 @@ HEAD_JOINT_TO_VERTEX = 0.10
 """A skeleton's head joint sits where skull and neck meet, about the height of the mouth (0.90)."""
 SHOULDER_HEIGHT = 0.818
 """Shoulder joint above the floor, Drillis and Contini."""
+HIP_HEIGHT = 0.530
+"""Hip joint above the floor, Drillis and Contini."""
+SHOULDER_JOINTS_APART = 0.259
+"""Distance of the two shoulder joints, Drillis and Contini."""
+ARM_LENGTH = 0.332
+"""Shoulder joint to wrist along a straight arm: upper arm 0.186 and forearm 0.146, Drillis and Contini."""
 ANKLE_HEIGHT = 0.039
 """Ankle joint above the floor, Drillis and Contini."""
 HAND_LENGTH = 0.108

@@ -60,7 +60,10 @@ class RestPose:
         return self.positions[self.segment_start(role)]
 
     def middle(self, limb: str) -> FloatArray:
-        """Half way between the joints of a limb on both sides [m], shape (3,)."""
+        """Half way between the joints of a limb on both sides [m], shape (3,); hips without legs by proportions."""
+        if limb == "thigh" and not self.has_legs:
+            drop = (proportions.SHOULDER_HEIGHT - proportions.HIP_HEIGHT) * self.height
+            return self.middle("upper_arm") - drop * self.up
         return (self.joint(f"left_{limb}") + self.joint(f"right_{limb}")) / 2
 
     def into_bone(self, bone: int, point: FloatArray) -> FloatArray:
@@ -93,8 +96,15 @@ class RestPose:
         return np.array([*self.positions[below], *ends]).reshape(-1, 3)
 
     @property
+    def has_legs(self) -> bool:
+        """Whether both legs are known; otherwise a body has hips and stature by the proportions of its arms."""
+        return not missing_roles(self, LEG_ROLES)
+
+    @property
     def up(self) -> FloatArray:
-        """Unit vector from the hips to the shoulders, shape (3,)."""
+        """Unit vector from the hips to the shoulders, +Z without legs, shape (3,)."""
+        if not self.has_legs:
+            return np.array([0.0, 0.0, 1.0])
         return _unit(
             self.middle("upper_arm") - self.middle("thigh"), "the hips and the shoulders are at the same place"
         )
@@ -118,6 +128,8 @@ class RestPose:
     @property
     def height(self) -> float:
         """Standing height [m]: straight legs, trunk, neck and head, what bones don't tell taken from proportions."""
+        if not self.has_legs:
+            return self._height_by_arms
         if "head" in self.roles:
             above_hips = float(np.linalg.norm(self.vertex - self.middle("thigh")))
             return (self._leg_length + above_hips) / (1 - proportions.ANKLE_HEIGHT)
@@ -140,8 +152,20 @@ class RestPose:
         return joint + reach * self.up
 
     @property
+    def _height_by_arms(self) -> float:
+        """Standing height [m] of a body whose arms are known, or at least their joints' distance."""
+        arms = [(f"{side}_upper_arm", f"{side}_forearm", f"{side}_hand") for side in SIDES]
+        known = [arm for arm in arms if not missing_roles(self, arm)]
+        if not known:
+            return self.shoulder_width / proportions.SHOULDER_JOINTS_APART
+        lengths = [self.segment_length(upper) + self.segment_length(forearm) for upper, forearm, _ in known]
+        return sum(lengths) / len(lengths) / proportions.ARM_LENGTH
+
+    @property
     def _leg_length(self) -> float:
-        """Hip to ankle along a straight leg, mean of both sides [m]."""
+        """Hip to ankle along a straight leg, mean of both sides [m]; by proportions of a body without legs."""
+        if not self.has_legs:
+            return (proportions.HIP_HEIGHT - proportions.ANKLE_HEIGHT) * self.height
         legs = [self.segment_length(f"{side}_{bone}") for side in ("left", "right") for bone in ("thigh", "shin")]
         return sum(legs) / 2
 
@@ -177,10 +201,11 @@ class RestPose:
         return not any(len(self.chain(bone, end)) > 1 for end in trunk)
 
 
-FRAME_ROLES: tuple[str, ...] = tuple(
-    f"{side}_{limb}" for side in SIDES for limb in ("upper_arm", "thigh", "shin", "foot")
-)
-"""Roles without which neither a body's directions nor its stature are known."""
+FRAME_ROLES: tuple[str, ...] = tuple(f"{side}_upper_arm" for side in SIDES)
+"""Roles without which a body's directions are not known."""
+
+LEG_ROLES: tuple[str, ...] = tuple(f"{side}_{limb}" for side in SIDES for limb in ("thigh", "shin", "foot"))
+"""Roles without which a body has no legs."""
 
 NEXT_ROLE: dict[str, str] = {
     f"{side}_{role}": f"{side}_{following}"

@@ -19,7 +19,7 @@ from skeleton import (
     missing_meshes,
     retarget,
 )
-from skeleton.rest import FRAME_ROLES
+from skeleton.rest import FRAME_ROLES, LEG_ROLES
 
 FITTED = ("limbs", "all")
 BY_PROPORTIONS = "body"
@@ -73,7 +73,7 @@ def read_character(reading: Reading, *, hitboxes: str | None = None) -> Characte
     else:
         clip = reading.load()
         robot = reading.robot(reading.skeleton)
-        robot.require_roles(("pelvis", *FRAME_ROLES))
+        robot.require_roles(("pelvis", *FRAME_ROLES, *LEG_ROLES))
         solids = find_hitboxes(robot, hitboxes or "limbs")
         retargeted = retarget(clip, robot, hitboxes=solids)
         motion, before = retargeted.motion, clip.decisions

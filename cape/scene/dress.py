@@ -11,13 +11,14 @@ from cape.cloth.fabric import Fabric
 from cape.garments import registry
 from cape.garments.base import Measures, Worn
 from cape.garments.fitting import Fitted
-from cape.scene.colliders import Collider
+from cape.scene.colliders import Collider, Plane
 from cape.scene.floor import floor_under
 from cape.scene.holding.attachments import Attachment, attach
 from cape.scene.holding.confinement import confine
 from cape.scene.scene import WEARER_ROLES, Scene
 from cape.scene.self_contact import SelfContact
 from cape.scene.stance import room_on_all_fours
+from skeleton import proportions
 from skeleton.rest import FRAME_ROLES
 from skeleton.track import BoneTrack
 
@@ -70,7 +71,7 @@ def dress(
     body.require_roles((*WEARER_ROLES, *FRAME_ROLES))
     colliders = body.capsules() if colliders is None else tuple(colliders)
     fitted = Fitted(body, colliders)
-    floor = floor_under(colliders, track)
+    floor = _floor(body, colliders, track)
     room = room_on_all_fours(track, float(floor.point[2])) if length is None else None
     worn = kind.fit(fitted, Measures(length=length, flare=flare, spacing=spacing, fabric=fabric, room=room))
     hold = hold or {}
@@ -109,6 +110,16 @@ def _attachments(worn: Worn, hold: Mapping[str, str]) -> list[Attachment]:
         if len(free):
             found.append(attach(worn.cloth, bone, free))
     return found
+
+
+def _floor(body: "Skeleton", colliders: Sequence[Collider], track: BoneTrack) -> Plane:
+    """The floor under a motion: of a body without legs no higher than they would reach."""
+    floor = floor_under(colliders, track)
+    if body.rest.has_legs:
+        return floor
+    shoulders = track.positions[:, [track.index(role) for role in FRAME_ROLES], 2]
+    below = float(np.median(shoulders)) - proportions.SHOULDER_HEIGHT * body.rest.height
+    return replace(floor, point=np.array([0.0, 0.0, min(below, float(floor.point[2]))]))
 
 
 def _self_contact(asked: bool | SelfContact) -> SelfContact | None:

@@ -54,7 +54,8 @@ def find_roles(
 
     Names decide first, over the usual conventions (CMU, Mixamo, DAZ, Blender, Unreal, SMPL, Xsens, robots' URDF); the
     tree settles words of two meanings and fills gaps: `chest` and `pelvis` are where the arms and the legs meet, a
-    missing `left_shoulder` is the joint between chest and upper arm, or the chest itself where nothing lies between.
+    missing `left_shoulder` is the joint between chest and upper arm, or the chest itself where nothing lies between. Of
+    a body without legs the root is the pelvis.
 
     Args:
         joints: names of the J joints, parents first.
@@ -81,6 +82,8 @@ def find_roles(
         limbs = _find_arm(tree, names, side, given) | _find_leg(tree, names, side, given)
         found |= {role: joint for role, joint in limbs.items() if role not in given}
     found = _find_trunk(tree, names, found) | found
+    if "chest" in found and not any(f"{side}_thigh" in found for side in SIDES):
+        found.setdefault("pelvis", 0)  # what has no legs moves with its root
     for side in SIDES:
         if f"{side}_upper_arm" in found and "chest" in found:
             chest = found["chest"]

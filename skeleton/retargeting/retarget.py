@@ -12,7 +12,7 @@ from motions.bodies.roles import SIDES
 from motions.clip import Clip
 from motions.errors import ValueRangeError
 from skeleton.model import Skeleton
-from skeleton.rest import FRAME_ROLES, RestPose
+from skeleton.rest import FRAME_ROLES, LEG_ROLES, RestPose
 from skeleton.retargeting import foot_contacts
 from skeleton.retargeting.inverse_kinematics import Followed, Target, follow, hinges, top_speed_of
 from skeleton.retargeting.scaled_source import ScaledSource, body_axes, scaled_source, standing_axes, target_point
@@ -132,7 +132,7 @@ def retarget(
         raise ValueRangeError("only a robot with a floating base can follow a clip, not one whose root is fixed")
     if not top_speed > 0.0:
         raise ValueRangeError(f"the top speed must be more than 0, not {top_speed:g}")
-    robot.require_roles(("pelvis", *FRAME_ROLES))
+    robot.require_roles(("pelvis", *FRAME_ROLES, *LEG_ROLES))
     standing = standing_axes(robot.rest)
     soles = foot_contacts.soles_of(robot, standing)
     source = scaled_source(clip, robot, soles.ankle_height, roles=roles)

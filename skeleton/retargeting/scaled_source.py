@@ -25,7 +25,7 @@ from motions.bodies.roles import SIDES
 from motions.clip import Clip
 from motions.errors import ValueRangeError
 from skeleton.model import Skeleton
-from skeleton.rest import FRAME_ROLES, RestPose
+from skeleton.rest import FRAME_ROLES, LEG_ROLES, RestPose
 from skeleton.retargeting.foot_contacts import standing_frames, standing_height
 
 FloatArray = NDArray[np.float64]
@@ -152,7 +152,7 @@ class _Source:
 
     def __init__(self, clip: Clip, roles: Mapping[str, str] | None):
         body = Skeleton.from_clip(clip, roles=roles)
-        body.require_roles(("pelvis", *FRAME_ROLES))
+        body.require_roles(("pelvis", *FRAME_ROLES, *LEG_ROLES))
         self.rest = body.rest
         self.roles = body.roles
         self.clip = clip

@@ -173,6 +173,9 @@ def test_everything_can_be_overridden():
     assert taller[0].radius == pytest.approx(2 * plain["left_shin"].radius)
 
 
+LEFT_LEG = ("left_thigh", "left_shin", "left_foot")
+
+
 def test_capsules_without_bones_are_left_out_and_named():
     body = Skeleton.from_clip(figure(without=("Neck", "LeftHand")))
     assert body.capsules_left_out() == {
@@ -182,9 +185,23 @@ def test_capsules_without_bones_are_left_out_and_named():
         "left_hand": "no bone for the role 'left_hand'",
     }
     assert len(body.capsules()) == len(CAPSULES) - 4
-    legless = Skeleton.from_clip(figure(without=("LeftUpLeg",)))
-    assert legless.capsules() == ()
-    assert set(legless.capsules_left_out()) == set(CAPSULES)
+    one_legged = Skeleton.from_clip(figure(without=("LeftUpLeg",)))
+    assert set(one_legged.capsules_left_out()) == {"pelvis", "left_chest", "right_chest", *LEFT_LEG}
+    armless = Skeleton.from_clip(figure(without=("LeftShoulder",)))
+    assert armless.capsules() == ()
+    assert set(armless.capsules_left_out()) == set(CAPSULES)
+
+
+def test_a_body_without_legs_has_the_rest_of_it_where_it_would_have_been():
+    """Its stature is that of its arms, 0.56 m from shoulder to wrist, of which Winter's figures make 0.332."""
+    whole = {c.name: c for c in Skeleton.from_clip(figure()).capsules()}
+    body = Skeleton.from_clip(figure(without=("LeftUpLeg", "RightUpLeg")))
+    assert body.height() == pytest.approx(0.56 / 0.332)
+    assert body.decisions == ("no legs: by its arms it is taken for one that is 1.69 m tall",)
+    capsules = {c.name: c for c in body.capsules()}
+    assert set(whole) - set(capsules) == {*LEFT_LEG, *(name.replace("left", "right") for name in LEFT_LEG)}
+    for name, capsule in capsules.items():
+        assert np.linalg.norm(capsule.start - whole[name].start) < 0.06, name
 
 
 def test_a_segment_of_no_length_has_no_capsule():
