@@ -99,11 +99,27 @@ def load(
     return _convert(recording, joints, scale, up, name or path.stem, decisions)
 
 
+_OTHERS = {
+    **dict.fromkeys(
+        (".pkl", ".pickle", ".joblib", ".pt", ".pth"),
+        "a pickle, which may run any code as it is opened: save its arrays, such as root_pos, root_rot, dof_pos and fps, "
+        "as an .npz file",
+    ),
+    ".npy": "an array without a name: save it as q or qpos in an .npz file",
+    ".fbx": "an FBX file: export its motion as BVH, from Blender for example",
+    **dict.fromkeys((".glb", ".gltf", ".vrm", ".dae"), "a scene: export its motion as BVH, from Blender for example"),
+    **dict.fromkeys((".asf", ".amc", ".c3d", ".trc"), "motion capture of another format: convert it to BVH"),
+}
+"""What files are that people have motions in and that are not read, by their suffixes."""
+
+
 def _find(path: str | PathLike[str]) -> Path:
     """The file that is meant: one that exists, or a shipped clip."""
     found = Path(path)
     try:
         if found.exists():
+            if (other := _OTHERS.get(found.suffix.lower())) is not None:
+                raise FileError(f"{found} is {other}")
             return found
     except (OSError, ValueError) as error:
         raise FileError(f"can't read {str(path)[:200]!r}: {error}") from None

@@ -45,6 +45,11 @@ class Numbers:
     names: tuple[str, ...]
     following: frozenset[str] = frozenset()
 
+    @property
+    def widths(self) -> tuple[int, int]:
+        """How many columns there may be."""
+        return len(self.names), len(self.names) - len(self.following)
+
     def of_width(self, width: int) -> tuple[str, ...]:
         """The names that so many columns hold; all where neither fits."""
         leading = tuple(name for name in self.names if name not in self.following)

@@ -16,9 +16,10 @@ from skeleton.robot.columns import TIME_NAMES, Numbers, order_of
 FloatArray = NDArray[np.float64]
 
 _RATE_NAMES = ("fps", "rate", "frequency", "framerate", "frame_rate", "mocap_framerate", "mocap_frame_rate")
-_PLACES = ("root_pos", "root_position", "root_trans", "base_pos", "root_translation")
+_PLACES = ("root_pos", "root_position", "root_trans", "root_trans_offset", "base_pos", "root_translation")
 _TURNS = ("root_rot", "root_quat", "root_rotation", "root_orientation", "base_quat", "base_rot")
 _JOINTS = ("dof_pos", "joint_pos", "dof", "joints", "joint_positions", "dof_positions")
+_BODIES = (("body_pos_w", "body_quat_w"), ("body_positions", "body_rotations"))  # of Isaac Lab, the root's first
 _JOINT_NAMES = ("dof_names", "joint_names")
 
 
@@ -43,6 +44,8 @@ class Table(NamedTuple):
 def read_npz(path: Path, numbers: Numbers) -> Table:
     """The arrays of an NPZ file: `q` in Pinocchio's order, `qpos` in MuJoCo's, or root and joints apart.
 
+    Of Isaac Lab's places and quaternions (w first) of all bodies the first is the root's; its joints need names.
+
     Raises:
         FileError: it can't be read, or holds no such arrays.
     """
@@ -57,8 +60,14 @@ def read_npz(path: Path, numbers: Numbers) -> Table:
         told = "array qpos: w is taken to come first in quaternions, as in MuJoCo"
         return Table(_numbers(path, "qpos", arrays["qpos"]), times, rate, w_first=True, decisions=(told,))
     place, turn, joints = (next((n for n in names if n in arrays), None) for names in (_PLACES, _TURNS, _JOINTS))
+    bodies = next((pair for pair in _BODIES if set(pair) <= set(arrays)), None)
+    of_bodies = bodies is not None and not (place and turn)
+    if bodies is not None and of_bodies:
+        place, turn = bodies
     if place and turn and joints:
         parts = [_numbers(path, name, arrays[name]) for name in (place, turn, joints)]
+        parts = [part[:, 0] if of_bodies and k < 2 and part.ndim == 3 else part for k, part in enumerate(parts)]
+        parts[2] = parts[2][..., 0] if parts[2].ndim == 3 and parts[2].shape[2] == 1 else parts[2]
         if any(part.ndim != 2 or len(part) != len(parts[0]) for part in parts):
             shapes = ", ".join(f"{n} {p.shape}" for n, p in zip((place, turn, joints), parts, strict=True))
             raise FileError(f"{path}: root and joints must have as many frames, got {shapes}")
@@ -68,8 +77,17 @@ def read_npz(path: Path, numbers: Numbers) -> Table:
         if names is not None:
             found = order_of([*expected[:7], *map(str, names.ravel())], expected, str(path)).places
             order, told = np.array(found[7:]) - 7, "are put into the robot's order by their names"
+        elif of_bodies:
+            raise FileError(
+                f"{path} holds joints in a simulator's order: add an array joint_names, in the order of {joints}"
+            )
         rows = np.hstack([parts[0], parts[1], parts[2][:, order]])
-        return Table(rows, times, rate, decisions=(f"arrays {place}, {turn}, {joints}: joints {told}",))
+        w_first = True if of_bodies else None
+        return Table(rows, times, rate, w_first, (f"arrays {place}, {turn}, {joints}: joints {told}",))
+    rows = [name for name, array in arrays.items() if array.ndim == 2 and array.shape[1] in numbers.widths]
+    if len(rows) == 1:
+        told = f"array {printable(rows[0])}, which is as wide as the robot's configurations, is taken for them"
+        return Table(_numbers(path, rows[0], arrays[rows[0]]), times, rate, decisions=(told,))
     held = ", ".join(map(printable, arrays)) or "none"
     if {"poses", "trans"} <= set(arrays):
         raise FileError(f"{path} holds a person's body (AMASS), not a robot's configurations; its arrays: {held}")

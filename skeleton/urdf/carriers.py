@@ -77,7 +77,7 @@ class RobotBones:
                     return bone_of[frame]
             return -1
 
-        names = tuple(frames[i].name for i in kept)
+        names = _unique([frames[i].name for i in kept], [frames[i].type == pin.FrameType.JOINT for i in kept])
         carriers = Carriers(
             joints=np.array([int(frames[i].parentJoint) for i in kept], dtype=np.int64),
             fixed=np.array([frames[i].type != pin.FrameType.JOINT for i in kept], dtype=bool),
@@ -90,6 +90,18 @@ class RobotBones:
             if frame.type == pin.FrameType.BODY and above(i) >= 0
         }
         return RobotBones(names, np.array([above(i) for i in kept], dtype=np.int64), carriers, links)
+
+
+def _unique(names: list[str], is_joint: list[bool]) -> tuple[str, ...]:
+    """Names of which what is fixed gives way: a file may have a fixed joint of the name that an added root has."""
+    taken = {name for name, joint in zip(names, is_joint, strict=True) if joint}
+    unique = []
+    for name, joint in zip(names, is_joint, strict=True):
+        while not joint and name in taken:
+            name += "_fixed"
+        taken.add(name)
+        unique.append(name)
+    return tuple(unique)
 
 
 def poses_in(

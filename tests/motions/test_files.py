@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from motions import load
 from motions.errors import FileError
 from motions.files import begin_file, printable, read_bytes, whole_file, write_text
 
@@ -83,3 +84,10 @@ def test_only_regular_files_of_a_size_are_read(tmp_path, monkeypatch):
 def test_what_can_not_be_seen_is_written_as_an_escape():
     assert printable("Hüfte_L 1") == "Hüfte_L 1"
     assert printable("a\x1b[31mb\u202e\n\x7f") == "a\\x1b[31mb\\u202e\\n\\x7f"
+
+
+@pytest.mark.parametrize(("name", "told"), [("take.pkl", "a pickle, .*npz"), ("q.npy", "npz"), ("walk.FBX", "as BVH")])
+def test_files_of_other_kinds_say_what_to_make_of_them(tmp_path, name, told):
+    (tmp_path / name).write_bytes(b"\x80\x04")
+    with pytest.raises(FileError, match=rf"{name} is an? .*{told}"):
+        load(tmp_path / name)

@@ -75,6 +75,16 @@ def test_a_fixed_bone_holds_cloth_and_carries_solids(tmp_path):
         assert np.abs(geometry.placement.translation - [0.0, 0.2, 0.15 + 0.3 - 0.3 - 0.1]).max() < 1e-12
 
 
+def test_what_is_fixed_gives_way_to_a_joint_of_its_name(tmp_path):
+    """As the root does that is added."""
+    path = person_urdf(tmp_path, fixed=FIXED)
+    path.write_text(path.read_text().replace('name="waist_yaw"', 'name="root_joint"'))
+    body = Skeleton.from_urdf(path)
+    assert body.bones[0] == "root_joint"
+    assert "root_joint_fixed" in body.bones
+    assert body.links["chest"] == body.roles["chest"] == "root_joint_fixed"
+
+
 def test_roles_are_given_by_the_names_of_fixed_joints_and_of_links(tmp_path):
     path = person_urdf(tmp_path, fixed=FIXED)
     roles = {"left_shoulder": "left_elbow", "right_shoulder": "right_forearm"}

@@ -99,7 +99,7 @@ def test_the_order_of_a_quaternion_is_found_from_the_motion(tmp_path, g1, turn):
 
 def test_arrays_by_the_names_that_simulators_give_them(tmp_path, g1):
     rows, names = walker(), list(column_names(g1))
-    backwards = np.arange(29)[::-1]
+    backwards, bodies = np.arange(29)[::-1], rows[:, None].repeat(4, axis=1)
     for arrays, fps in (
         ({"qpos": w_first(rows), "fps": 50}, 50),
         ({"root_pos": rows[:, :3], "root_rot": rows[:, 3:7], "dof_pos": rows[:, 7:], "framerate": np.array([30])}, 30),
@@ -111,11 +111,31 @@ def test_arrays_by_the_names_that_simulators_give_them(tmp_path, g1):
             },
             60,
         ),
+        # Isaac Lab's, of all bodies, w first, joints in an order of their own; ASAP's; rows of any name.
+        (
+            {
+                "body_pos_w": bodies[..., :3], "body_quat_w": w_first(rows)[:, None, 3:7].repeat(4, axis=1), "fps": [50],
+                "joint_pos": rows[:, 7:][:, backwards], "joint_names": np.array(names[7:])[backwards],
+            },
+            50,
+        ),
+        (
+            {
+                "body_positions": bodies[..., :3], "body_rotations": w_first(rows)[:, None, 3:7].repeat(4, axis=1),
+                "dof_positions": rows[:, 7:][:, backwards], "dof_names": np.array(names[7:])[backwards],
+            },
+            60,
+        ),
+        ({"root_trans_offset": rows[:, :3], "root_rot": rows[:, 3:7], "dof": rows[:, 7:, None], "fps": 30}, 30),
+        ({"motion": rows, "betas": np.zeros(10)}, 60),
     ):  # fmt: skip
         np.savez(tmp_path / "motion.npz", allow_pickle=False, **arrays)
         motion = load_configurations(tmp_path / "motion.npz", g1)
         np.testing.assert_allclose(motion.configurations, rows, atol=1e-12)
         assert motion.fps == pytest.approx(fps)
+    np.savez(tmp_path / "unnamed.npz", body_pos_w=bodies[..., :3], body_quat_w=bodies[..., 3:7], joint_pos=rows[:, 7:])
+    with pytest.raises(FileError, match="in a simulator's order: add an array joint_names, in the order of joint_pos"):
+        load_configurations(tmp_path / "unnamed.npz", g1)
     np.savez(tmp_path / "body.npz", poses=np.zeros((4, 156)), trans=np.zeros((4, 3)))
     with pytest.raises(FileError, match=r"a person's body \(AMASS\), not a robot's.*its arrays: poses, trans"):
         load_configurations(tmp_path / "body.npz", g1)
