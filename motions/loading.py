@@ -102,8 +102,8 @@ def load(
 _OTHERS = {
     **dict.fromkeys(
         (".pkl", ".pickle", ".joblib", ".pt", ".pth"),
-        "a pickle, which may run any code as it is opened: save its arrays, such as root_pos, root_rot, dof_pos and fps, "
-        "as an .npz file",
+        "a pickle, which may run any code as it is opened: save its arrays, such as root_pos, root_rot, dof_pos and "
+        "fps, as an .npz file",
     ),
     ".npy": "an array without a name: save it as q or qpos in an .npz file",
     ".fbx": "an FBX file: export its motion as BVH, from Blender for example",

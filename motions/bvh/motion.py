@@ -27,12 +27,12 @@ class Motion:
     Attributes:
         fps: frames per second.
         values: the channels' values in the file's unit and degrees, shape (F, columns).
-        remark: what the frame time was taken for, if that is not what it says.
+        remarks: what was taken for something else than it says, a sentence each.
     """
 
     fps: float
     values: FloatArray
-    remark: str | None = None
+    remarks: tuple[str, ...] = ()
 
 
 def parse_motion(source: Source, start: int, hierarchy: Hierarchy, rate: float | None = None) -> Motion:
@@ -41,8 +41,8 @@ def parse_motion(source: Source, start: int, hierarchy: Hierarchy, rate: float |
     A frame may be wrapped over lines but begins on a new one, so a lost or doubled number is found in its own line.
 
     Raises:
-        FileError: a malformed header or number, more or fewer frames than declared, a frame of the wrong length, a
-            frame time that no motion has.
+        FileError: a malformed header or number, fewer frames than declared or more than one too many, a frame of the
+            wrong length, a frame time that no motion has.
     """
     frames, frame_time, line, body = _parse_header(source, start)
     text = source.data[body:]
@@ -53,13 +53,17 @@ def parse_motion(source: Source, start: int, hierarchy: Hierarchy, rate: float |
     blank = np.frombuffer(text, dtype=np.uint8) <= ord(" ")
     starts = np.flatnonzero(~blank & np.concatenate([[True], blank[:-1]]))
     values = _parse_numbers(source, body, starts)
+    remarks = []
+    if len(starts) == (frames + 1) * hierarchy.columns:  # as of exporters that count from 0
+        remarks.append(f"frames: the file declares {frames} and holds one more, which is taken for one, too")
+        frames += 1
     _check_rows(source, body, starts, frames, hierarchy.columns)
-    remark = None
     if rate is None:
         rate = _frame_rate(frame_time)
         if frames > 1 and not SLOWEST <= rate <= FASTEST:
             rate, remark = _meant_rate(source, line, frame_time)
-    return Motion(rate, values.reshape(frames, hierarchy.columns), remark)
+            remarks.append(remark)
+    return Motion(rate, values.reshape(frames, hierarchy.columns), tuple(remarks))
 
 
 def _parse_header(source: Source, start: int) -> tuple[int, str, int, int]:

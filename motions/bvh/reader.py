@@ -93,7 +93,7 @@ def read(path: Path, rate: float | None = None) -> Recording:
         moving=np.array(moving, dtype=np.int64),
         positions=positions,
         rotations=_rotations(motion.values, channels),
-        remarks=() if motion.remark is None else (motion.remark,),
+        remarks=motion.remarks,
     )
 
 

@@ -168,7 +168,7 @@ MALFORMED = {
     "no rows": ("\n".join(LINES[:FIRST_ROW]), FIRST_ROW, "holds none"),
     "no motion": (PERSON.split("MOTION")[0], FIRST_ROW - 3, "ends without MOTION"),
     "nothing after MOTION": (PERSON.split("Frames")[0], FIRST_ROW - 2, "expected 'Frames: N'"),
-    "more frames than declared": (PERSON + ROW + "\n", LAST + 1, "declares 4 frames and holds 5"),
+    "more frames than declared": (PERSON + 2 * (ROW + "\n"), LAST + 1, "declares 4 frames and holds 6"),
     "text after the frames": (PERSON + "the end\n", LAST + 1, "'the' is not a finite number"),
     "CHANNELS too many": (edited(5, LINES[4].replace("6", "5")), 5, "declares '5' channels and lists 6"),
     "CHANNELS too few": (edited(9, "CHANNELS 4 Zrotation Xrotation Yrotation"), 9, "declares '4' channels and lists 3"),
@@ -223,6 +223,13 @@ def test_malformed_file_is_one_error_with_its_line(tmp_path, case):
     assert message in str(error.value)
     assert str(error.value).startswith(f"{path}, line {line}: ")
     assert "\n" not in str(error.value)
+
+
+def test_a_frame_more_than_declared_is_one(tmp_path):
+    (tmp_path / "one_more.bvh").write_text(PERSON + ROW + "\n")
+    clip = motions.load(tmp_path / "one_more.bvh", keep_first_frame=True)
+    assert clip.frames == 5
+    assert "frames: the file declares 4 and holds one more, which is taken for one, too" in clip.decisions
 
 
 def test_what_is_no_text_file_is_one_error(tmp_path):

@@ -114,7 +114,8 @@ def test_arrays_by_the_names_that_simulators_give_them(tmp_path, g1):
         # Isaac Lab's, of all bodies, w first, joints in an order of their own; ASAP's; rows of any name.
         (
             {
-                "body_pos_w": bodies[..., :3], "body_quat_w": w_first(rows)[:, None, 3:7].repeat(4, axis=1), "fps": [50],
+                "body_pos_w": bodies[..., :3], "body_quat_w": w_first(rows)[:, None, 3:7].repeat(4, axis=1),
+                "fps": np.array([50]),
                 "joint_pos": rows[:, 7:][:, backwards], "joint_names": np.array(names[7:])[backwards],
             },
             50,
