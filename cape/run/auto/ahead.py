@@ -33,6 +33,11 @@ class Part(NamedTuple):
         return sum(coming.dt for coming, _ in self.frames)
 
 
+def is_as_long(dt: float, other: float) -> bool:
+    """Tell whether a frame is as long as another [s], but for rounding."""
+    return math.isclose(dt, other, rel_tol=ROUNDING)
+
+
 class Ahead:
     """The frames that are to come, and those of them that have been taken already.
 
@@ -51,7 +56,7 @@ class Ahead:
         if self._next >= len(self._coming):
             return False
         told = self._coming[self._next]
-        if not math.isclose(dt, told.dt, rel_tol=ROUNDING):
+        if not is_as_long(dt, told.dt):
             return False
         pose = bones if isinstance(bones, Pose) else read_pose(bones, names).without_world()
         return all(np.array_equal(a, b) for a, b in zip(pose, told.pose, strict=True))

@@ -1,21 +1,19 @@
 """A free motion that is known to its end: which steps its run needs, told by a companion in longer or shorter ones.
 
 The error of the whole run is what is asked for. It is the same motion in other steps that tells it, from the same start
-on; but as that must not take long, the companion takes half or a quarter of its steps where
-these are stable, and goes no farther
+on; but as that must not take long, the companion takes half of its steps where these are stable, and goes no farther
 than a share of the run's time takes it. From there on errors drift on as they did (`drift`), in proportion to how fast
 the bones move. The run looks at its companion a few times, ever later, and takes other steps for what is left.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from copy import copy
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.run.auto.ahead import Coming
+from cape.run.auto.ahead import Coming, is_as_long
 from cape.run.auto.choice import AIM, FEWEST, FRAME, LEAST_CHANGE, MOST_CHANGE, Choice
 from cape.run.auto.drift import Drift, Orders
 from cape.run.simulation import Simulation
@@ -23,7 +21,10 @@ from cape.run.step_error import FREE_WINDOW, distance
 from cape.run.whereabouts import Snapshot
 from cape.solvers import TRBDF2, XPBD, Solver, SymplecticEuler
 
-SHARE = 0.2  # of the time that a run takes, that its companion may
+SHARE = 0.15  # of the time that a run takes, that its companion may
+SHORT = 0.75  # of a short motion, that it takes at most
+SHORTER = math.sqrt(0.5)  # times as long steps of a companion where longer ones would explode: their errors are halved
+WELL = 0.5  # of what is allowed, below which steps that can't be longer need no second look
 SAMPLES = 10  # in a second: shapes are compared so often
 NEAR = 1.3  # times as long steps, which tell too little of each other
 FRAME_COST = 9000  # vertices that a step of XPBD moves on in the time that the rest of a frame takes
@@ -34,26 +35,35 @@ ORDERS = {XPBD.name: Orders(2.0, 1.0), TRBDF2.name: Orders(2.0, 2.0), Symplectic
 
 
 class Companion:
-    """A run of the motion in other steps, as far as it is asked for."""
+    """A run of the motion in other steps, as far as it is asked for.
 
-    def __init__(self, start: Snapshot, choice: Choice, times: float, threads: int) -> None:
-        """Begin where a run does, in steps so many times as long as are chosen."""
-        self.places: list[NDArray[np.float64]] = []
-        self._choice, self._times = copy(choice), times
-        self._run = Simulation(start.scene, solver=self._solver(FRAME), threads=threads, cuts=None)
-        self._run.start_from(start)
+    Attributes:
+        places: of the vertices at the end of each frame that is sampled [m], by the number of frames until then.
+    """
+
+    def __init__(self, start: Snapshot, choice: Choice, times: float, twin: Simulation) -> None:
+        """Begin where a run does, in steps so many times as long as are chosen, with a simulation that is started."""
+        self.places: dict[int, NDArray[np.float64]] = {}
+        self._choice, self._times, self._taken, self._dt = copy(choice), times, 0, FRAME
+        self._run = twin
+        twin.change_solver(self._solver(FRAME))
+        twin.start_from(start)
 
     @property
     def length(self) -> float:
         """Of its steps, in units of the solver's own."""
         return self._choice.length * self._times
 
-    def go(self, frames: Sequence[Coming]) -> None:
-        """Go on from where it is, through the frames up to some."""
-        for pose, dt in frames[len(self.places) :]:
-            self._run.change_solver(self._solver(dt))
+    def go(self, frames: Sequence[Coming], sampled: Container[int]) -> None:
+        """Go on from where it is, through the frames up to some, and note where vertices are after those sampled."""
+        for pose, dt in frames[self._taken :]:
+            if not is_as_long(dt, self._dt):
+                self._dt = dt
+                self._run.change_solver(self._solver(dt))
             self._run.step(pose, dt)
-            self.places.append(self._run.positions)
+            self._taken += 1
+            if self._taken in sampled:
+                self.places[self._taken] = self._run.positions
 
     def _solver(self, dt: float) -> Solver:
         return self._choice.for_frame(dt, times=self._times)
@@ -69,14 +79,17 @@ class Course:
         error: root mean square of the whole run, as far as is known [m].
     """
 
-    def __init__(self, start: Snapshot, frames: list[Coming], choice: Choice, *, allowed: float, threads: int) -> None:
-        """Begin a run of a motion, whose error may be so large [m]."""
+    def __init__(
+        self, start: Snapshot, frames: list[Coming], choice: Choice, *, allowed: float, twin: Simulation
+    ) -> None:
+        """Begin a run of a motion, whose error may be so large [m], with a simulation of the scene for companions."""
         self.frames, self.taken, self.error = frames, 0, math.nan
-        self._start, self._choice, self._allowed, self._threads = start, choice, allowed, threads
+        self._start, self._choice, self._allowed, self._twin = start, choice, allowed, twin
         self._times = np.cumsum([coming.dt for coming in frames])
         self._total = float(self._times[-1])
-        self._spend = max(FREE_WINDOW, SHARE * self._total)  # s of the run
-        self.first = self._until(max(FREE_WINDOW, 0.5 * SHARE * self._total))
+        least = min(FREE_WINDOW, SHORT * self._total)
+        self._spend = max(least, SHARE * self._total)  # s of the run
+        self.first = self._until(max(least, 0.5 * SHARE * self._total))
         self._ways = np.cumsum(_ways(start, frames))
         self._speed = math.sqrt(self._ways[-1] / self._total)
         choice.aim_at(AIM * allowed, speed=self._speed)
@@ -86,21 +99,22 @@ class Course:
         """Begin the run, for the first time or again, with a companion that suits its steps."""
         choice = self._choice
         few = isinstance(choice.solver, XPBD) and choice.count(FRAME) < 2 * FEWEST
-        self._companion = Companion(
-            self._start, choice, 0.5 if few or choice.explodes_at_double else 2.0, self._threads
-        )
-        self._places: list[NDArray[np.float64]] = []
+        times = 0.5 if few else SHORTER if choice.explodes_at_double else 2.0
+        self._companion = Companion(self._start, choice, times, self._twin)
+        self._places: dict[int, NDArray[np.float64]] = {}
         self.taken = 0
         last = self._until(self._reach())
         self._looks = [min(self.first, last)]
         while self._looks[-1] < last:
             self._looks.append(min(2 * self._looks[-1], last))
+        every = max(1, round(last / SAMPLES / float(self._times[last - 1])))
+        self._sampled = {*range(every, last, every), *self._looks}
 
     def note(self, run: Simulation) -> None:
         """Note where the run's next frame ends."""
-        if self._looks:
-            self._places.append(run.positions)
         self.taken += 1
+        if self._looks and self.taken in self._sampled:
+            self._places[self.taken] = run.positions
 
     @property
     def due(self) -> bool:
@@ -125,23 +139,23 @@ class Course:
             return False
         choice.take(ratio * before)
         self.error = drift.rms(now, total, choice.length / before if choice.solver.name == solver else ratio)
-        if choice.solver.name != solver or 1.0 / NEAR < choice.length / self._companion.length < NEAR:
+        well = choice.length == choice.within(math.inf) and self.error < WELL * self._allowed
+        if well or choice.solver.name != solver or 1.0 / NEAR < choice.length / self._companion.length < NEAR:
             self._looks.clear()
         return self.taken == self.first and choice.solver.name != solver
 
     def _look(self) -> Drift:
         self._looks.pop(0)
         count, companion = self.taken, self._companion
-        companion.go(self.frames[:count])
-        every = max(1, round(count / SAMPLES / float(self._times[count - 1])))
-        chosen = np.arange(count - 1, -1, -every)[::-1]
+        companion.go(self.frames[:count], self._sampled)
+        chosen = np.array(list(self._places))
         apart = np.array([distance(companion.places[k], self._places[k]) for k in chosen])
         ratio, orders = companion.length / self._choice.length, ORDERS[self._choice.solver.name]
         if count == len(self.frames):
             # All of it was seen, and no line is needed.
             orders = Orders(self._choice.solver.order, None)
         drift = Drift.between(
-            self._times[chosen], apart * self._pace(count), ratio, orders,
+            self._times[chosen - 1], apart * self._pace(count), ratio, orders,
             likely=self._likely_growth(), seen=float(self._times[count - 1]) / self._total,
         )  # fmt: skip
         self.error = drift.rms(self._total, self._total)
@@ -173,7 +187,7 @@ class Course:
 
 def _ways(start: Snapshot, frames: list[Coming]) -> NDArray[np.float64]:
     """Mean square over all bones of their speed in each frame, times its length [m2/s]."""
-    poses = [start.place.pose.moved(start.place.origin).without_world(), *(coming.pose for coming in frames)]
-    bones = max(len(poses[0].positions), 1)
-    ways = [np.sum((after.positions - before.positions) ** 2) / bones for before, after in pairwise(poses)]
-    return np.array(ways) / np.array([coming.dt for coming in frames])
+    here = start.place.pose.moved(start.place.origin).without_world().positions
+    places = np.array([here, *(coming.pose.positions for coming in frames)])
+    ways = np.sum(np.diff(places, axis=0) ** 2, axis=(1, 2)) / max(len(here), 1)
+    return ways / np.array([coming.dt for coming in frames])

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from cape.assembly.chains import chain_of
 from cape.results.take import StepError
-from cape.run.auto.ahead import Ahead, Coming, Part, onwards
+from cape.run.auto.ahead import Ahead, Coming, Part, is_as_long, onwards
 from cape.run.auto.budget import Budget
 from cape.run.auto.choice import AIM, FRAME, MOST_CHANGE, TOLERANCE, Auto, Choice
 from cape.run.auto.course import Course
@@ -256,7 +256,7 @@ class AutoSimulation(Simulation):
             Diverged: the first frame explodes.
         """
         start, time, taken = self.mark(), self._time, []
-        course = Course(self.snapshot(), frames, self._choice, allowed=self.tolerance, threads=self.threads)
+        course = Course(self.snapshot(), frames, self._choice, allowed=self.tolerance, twin=self._twin_of(self.solver))
         for attempt in range(TRIES):
             super().go_back(start)
             self._time, taken = time, []
@@ -350,11 +350,7 @@ class AutoSimulation(Simulation):
         solver, choice, here, rms = self.solver, self._choice, self.positions, math.inf
         growth = choice.size(2.0 * choice.length) / choice.size(choice.length)
         twice = choice.explodes_at_double or min(substeps for _, substeps in part.frames) < 2
-        if self._twin is None:
-            self._twin = Simulation(self.scene, solver=solver, threads=self.threads, cuts=None)
-        else:
-            self._twin.change_solver(solver)
-        twin = self._twin
+        twin = self._twin_of(solver)
         twin.start_from(part.start)
         try:
             for (pose, dt), substeps in part.frames:
@@ -365,9 +361,17 @@ class AutoSimulation(Simulation):
             pass
         return StepError(self._time, rms, solver.name, part.frames[-1][1], part.seconds, math.log2(growth))
 
+    def _twin_of(self, solver: Solver) -> Simulation:
+        """A simulation of the scene that takes parts of the motion again, with a solver; the same one every time."""
+        if self._twin is None:
+            self._twin = Simulation(self.scene, solver=solver, threads=self.threads, cuts=None)
+        else:
+            self._twin.change_solver(solver)
+        return self._twin
+
     def _choose(self, bones: Bones) -> None:
         """Choose for a cloth that hangs from bones at a pose."""
-        tried = Simulation(self.scene, solver=SymplecticEuler(), threads=self.threads)
+        tried = Simulation(self.scene, solver=SymplecticEuler(), threads=self.threads, cuts=None)
         tried.start(bones, settle=0.0)
         forecast = tried.forecast(FRAME)
         choice = Choice(
@@ -376,6 +380,7 @@ class AutoSimulation(Simulation):
             free=not is_touched(self.scene),
         )
         self._reset(choice)
+        self._twin = tried
         if self._budget is None:
             choice.aim_at(AIM * self.tolerance)
         else:
@@ -384,7 +389,7 @@ class AutoSimulation(Simulation):
 
     def _take_steps(self, dt: float) -> None:
         """Use the solver that is chosen, and as many of its steps as a frame of `dt` [s] needs."""
-        wanted = self._choice.solver.name, self._choice.length, dt
-        if wanted != self._steps:
-            self._steps = wanted
+        *steps, before = self._steps
+        if [self._choice.solver.name, self._choice.length] != steps or not is_as_long(dt, before):
+            self._steps = self._choice.solver.name, self._choice.length, dt
             self.change_solver(self._choice.for_frame(dt))
