@@ -56,11 +56,17 @@ class Elastic(Force):
         """Energy of stretched and bent springs, and of a membrane [J]."""
         springs = assembly.springs
         lengths = np.linalg.norm(positions[springs.second] - positions[springs.first], axis=1)
-        bends = np.einsum("km,kmc->kc", springs.bend_coefficients, positions[springs.bend_vertices])
         stretched = 0.5 * float(springs.stiffness @ (lengths - springs.rest) ** 2)
         if springs.membrane is not None:
             stretched += springs.membrane.energy(positions)
-        return stretched + 0.5 * float(springs.bend_stiffness @ np.sum(bends**2, axis=1))
+        return stretched + Elastic.energy_of_bending(assembly, positions)
+
+    @staticmethod
+    def energy_of_bending(assembly: Assembly, positions: NDArray[np.float64]) -> float:
+        """The part of that which bent springs hold [J]."""
+        springs = assembly.springs
+        bends = np.einsum("km,kmc->kc", springs.bend_coefficients, positions[springs.bend_vertices])
+        return 0.5 * float(springs.bend_stiffness @ np.sum(bends**2, axis=1))
 
 
 class Links(NamedTuple):

@@ -1,13 +1,14 @@
 """Drape: shadows of known outlines, and cloth that falls from a disc."""
 
 import math
+from itertools import islice
 
 import numpy as np
 import pytest
 
-from cape import FABRICS, Fabric
+from cape import FABRICS, Cloth, Fabric, Scene, attach
 from cape.cloth.fabrics import MEASUREMENTS
-from cape.report.measured.world import drape, triangulations
+from cape.report.measured.world import drape, rest, triangulations
 from cape.report.measured.world.drape import DISC, PEDESTAL
 from cape.report.measured.world.rows import Row
 
@@ -65,6 +66,31 @@ def test_cloth_as_stiff_as_a_board_lies_flat_and_a_start_is_always_the_same():
     # A strip as long as the ring is wide sags by W g l^4 / 8 B = 0.16 mm; what that takes of 6 cm is far below 1e-3,
     # and the outline's polygon lacks 1 - sin(x) / x = 4e-4 of its disc, x = 2 pi / 126 being a corner's angle.
     assert found[0].coefficient == pytest.approx(100.0, abs=0.2)
+
+
+def test_the_curvature_of_a_board_is_told_by_how_far_it_sags():
+    bend, spacing = 0.02, 0.01
+    fabric = Fabric(density=0.2, stretch=2e4, shear=1e4, bend=bend)
+    piece = triangulations.ring("equilateral", PEDESTAL, DISC, spacing)
+    places = np.column_stack([piece.points, np.zeros(len(piece.points))])
+    cloth = Cloth.from_mesh(places, piece.triangles, pattern=piece.points, fabric=fabric)
+    held = triangulations.held_by_ring(piece, PEDESTAL, spacing)
+    simulation = rest.started(Scene(cloth, [attach(cloth, rest.HAND, held)]), tolerance=1e-9)
+    assert rest.relax(simulation)
+    # What bends in proportion to its load holds half of the work that the load could do: by Clapeyron,
+    # B k^2 A / 2 = W / 2. Stretched it is by the square of the sag, 0.16 mm, which is nothing.
+    work = -9.81 * float(cloth.masses() @ simulation.positions[:, 2])
+    expected = math.sqrt(work / (bend * math.pi * (DISC**2 - PEDESTAL**2)))
+    assert drape.curvature(simulation) == pytest.approx(expected, rel=2e-3)
+
+
+def test_friction_in_bending_stiffens_a_drape_and_none_leaves_it_as_it_is():
+    fabric = Fabric(density=0.2, stretch=2000.0, shear=30.0, bend=0.02)
+    first, again = islice(drape.rubbing(fabric, 0.0, spacing=0.02), 2)
+    assert again == first
+    _, second = islice(drape.rubbing(fabric, fabric.bend_warp * first.curvature, spacing=0.02), 2)
+    # Twice as stiff, a board bends half as much.
+    assert second.curvature == pytest.approx(0.5 * first.curvature, rel=0.01)
 
 
 @pytest.mark.extra

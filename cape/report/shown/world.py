@@ -19,7 +19,9 @@ ABOUT = {
         f"{1e3 * drape.SPACING:g} mm apart, falls from starts jittered by {1e3 * drape.NOISE:g} mm; means and standard "
         f"deviations of the starts. Against a measured coefficient {drape.ALLOWED:g} points are allowed, and "
         f"{drape.AGREE:g} points and {drape.AGREE_FOLDS:g} fold between the means of triangulations, by how much they "
-        "lie apart. The cloth passes through itself, and no friction holds its folds."
+        "lie apart. The cloth passes through itself, and no friction holds its folds. What that of its fibres is "
+        f"worth at most is told {drape.RUBBING}: by a single drape, as stiff as friction makes a cloth where it is "
+        "there in full from the first bend on, however small."
     ),
     stretch.TENSION: (
         f"A strip of {100.0 * stretch.LENGTH:g} by {100.0 * stretch.WIDTH:g} cm pulled by {stretch.STRAIN:.1%} between "

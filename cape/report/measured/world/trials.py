@@ -70,6 +70,8 @@ def _drapes() -> Iterator[Trial]:
         if name in both:
             run = partial(drape.measure, name, drape.SINGLE, FEW_STARTS, spacing=drape.FINER)
             yield Trial(f"drape of {name}, finer", run)
+        if measured:
+            yield Trial(f"drape of {name}, {drape.RUBBING}", partial(drape.with_friction, name))
 
 
 def _tensions() -> Iterator[Trial]:
