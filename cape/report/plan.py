@@ -23,7 +23,7 @@ class Plan:
         repeats: times that a run is taken; the quickest counts.
         seconds: of each scene's motion at most [s].
         tolerances_mm: that are asked of `Auto` in smooth scenes, where errors of whole runs mean something [mm].
-        scene_s: wall time for all runs of a scene [s]; slower settings are left out, and named.
+        scene_s: CPU time for all runs of a scene [s]; slower settings are left out, and named.
         cases: names of the stress cases.
         case_repeats: how often each is run, from jittered starts.
         spacings: of the vertices of one cape [m], from wide to narrow; none to leave out what they are worth.

@@ -44,7 +44,7 @@ class Timing(NamedTuple):
         wall: its wall time [s].
         cpu: its CPU time [s].
         disturbed: whether its share of the processors was below `LEAST_SHARE`, and that of all others too.
-        spent: wall time of all runs [s].
+        spent: CPU time of all runs [s], which does not depend on what else the machine does.
     """
 
     wall: float
@@ -62,7 +62,7 @@ def quickest(
         run: takes it once, and tells how long that took.
         repeats: runs that are to be undisturbed; at most `ATTEMPTS` times as many are taken.
         threads: that work on a run.
-        enough: told after each run how long all have taken [s]; True ends them.
+        enough: told after each run how much CPU time all have taken [s]; True ends them.
     """
     clocks: list[Clock] = []
     undisturbed: list[Clock] = []
@@ -70,7 +70,7 @@ def quickest(
         clocks.append(run())
         if clocks[-1].share(threads) >= LEAST_SHARE:
             undisturbed.append(clocks[-1])
-        if enough(sum(clock.wall for clock in clocks)):
+        if enough(sum(clock.cpu for clock in clocks)):
             break
     best = min(undisturbed or clocks, key=lambda clock: clock.wall)
-    return Timing(best.wall, best.cpu, not undisturbed, sum(clock.wall for clock in clocks))
+    return Timing(best.wall, best.cpu, not undisturbed, sum(clock.cpu for clock in clocks))

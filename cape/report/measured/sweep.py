@@ -139,19 +139,19 @@ def sweep(stage: Stage, plan: Plan, told: Told = lambda steps: lambda: None) -> 
         asked = [Setting(Auto.name, options=(("tolerance", 1e-3 * mm),)) for mm in plan.tolerances_mm]
         settings[Auto.name] = asked
     advance = told(1 + sum(map(len, settings.values())))
-    begun = time.perf_counter()
+    begun = time.process_time()
     reference = converge(
         stage,
         EXACT.solver,
         substeps=stage.first_refinement * stage.needed_substeps("euler"),
         aim_mm=AIM_MM,
         options=EXACT.options,
-        enough=lambda: time.perf_counter() - begun > REFERENCE_SHARE * plan.scene_s,
+        enough=lambda: time.process_time() - begun > REFERENCE_SHARE * plan.scene_s,
     )
     advance()
     name, rows, shown = stage.standard.name, [], {}
     most = (1.0 - REFERENCE_SHARE) * plan.scene_s
-    left = max(plan.scene_s - (time.perf_counter() - begun), most)
+    left = max(plan.scene_s - (time.process_time() - begun), most)
     for k, solver in enumerate(settings):
         share, ends = left / (len(settings) - k), {}
         first = len(rows)
@@ -180,21 +180,22 @@ def _runs(
 ):
     """Yield a row for each setting, and its run, None where that would have taken too long.
 
-    All runs may take `share`, and the windows of each `windows_in` [s]; where they end is added to `ends`, by substeps.
+    All runs may take `share`, and the windows of each `windows_in` of CPU time [s]; where these end is added to `ends`,
+    by substeps.
     """
     spent, last = 0.0, None
     windows_s = 0.0 if stage.standard.smooth else WINDOW * len(stage.window_starts)
     for setting in settings:
         steps, expected = setting.substeps or 0, 0.0
         if last is not None:
-            expected = last.seconds * stage.seconds * (steps / last.substeps) ** _growth(setting.solver)
+            expected = last.cpu_seconds * stage.seconds * (steps / last.substeps) ** _growth(setting.solver)
         if last is not None and spent + expected > share:
             why, name = f"{LEFT_OUT}: it takes about {_seconds(expected)}", stage.standard.name
             yield Row(name, setting.solver, str(setting), steps, math.nan, result=why), None
             continue
         most = share / len(settings)
         last = stage.run(setting, repeats=repeats, enough=lambda taken, most=most: taken > most)
-        known = not stage.standard.smooth and last.seconds * windows_s <= windows_in
+        known = not stage.standard.smooth and last.cpu_seconds * windows_s <= windows_in
         window_mm = math.nan
         if known and reference.snapshots:
             found = ends[last.substeps] = stage.run_windows(setting, reference)

@@ -72,7 +72,7 @@ class Trajectory:
         penetration: deepest penetration of each frame [m], shape (F,).
         kinetic_energy: [J], shape (F,).
         seconds: wall time of the steps per second of motion, of the quickest whole run [s].
-        spent: wall time of all repeats [s].
+        spent: CPU time of all repeats [s].
         retaken: frames that were taken again in shorter steps, or did not converge.
         cpu_seconds: CPU time of that run, as `seconds` [s].
         disturbed: whether something else had the processor in all runs (`clock.Timing`).
@@ -176,7 +176,7 @@ class Stage:
         Args:
             setting: of the solver.
             repeats: times that the run is taken, all with the same result; again where it was disturbed.
-            enough: told after each repeat how long all have taken [s]; True ends them.
+            enough: told after each repeat how much CPU time all have taken [s]; True ends them.
         """
         simulation = self._simulation(setting)
         simulation.start_from(self._start)
