@@ -195,9 +195,8 @@ def _space(report: Report, *, pictures: bool) -> list[str]:
         "order p tells that halving the spacing divides what is left of the error by 2^p; a negative one, that the "
         "figure does not converge. At order 2 the finest sheet is itself still off by a third of what the last halving "
         "has changed; the period's error does not end at zero, since threads that stretch slow the swing. Symplectic "
-        "Euler shortens its steps with the spacing; XPBD by default does not, and each of its steps solves a finer "
-        "mesh less well: fine meshes need more substeps of it. Last, wall and CPU "
-        "time per second of motion.",
+        "Euler shortens its steps with the spacing; XPBD, each of whose steps solves a finer mesh less well, once a "
+        "hanging cloth would else be too long. Last, wall and CPU time per second of motion.",
         "",
         *(["![One sheet at several spacings](space.png)", ""] if pictures else []),
         *table([name for name, _ in columns], [[of(row) for _, of in columns] for row in report.space]),
