@@ -248,6 +248,9 @@ class Stage:
     ) -> tuple[Clock, list[Any], str]:
         """Take the motion; readings and snapshots are taken where these are asked for, apart from the clock."""
         clock = Clock()
+        if isinstance(simulation, AutoSimulation):
+            with clock.running():
+                simulation.expect(self._poses[1:], np.diff(self.times))  # as `simulate` does
         meter = simulation.meter()
         readings = [(simulation.positions, simulation.read(meter))]
         for frame in range(1, self.frames):
