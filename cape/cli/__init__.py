@@ -1,5 +1,6 @@
 """The command `cape`."""
 
+import os
 import signal
 import sys
 from types import FrameType
@@ -7,17 +8,11 @@ from types import FrameType
 from motions.errors import UserError
 from motions.files import printable
 
+INTERRUPTED = 130  # the shells' status for what Ctrl-C has ended
+
 
 def main() -> None:
-    """Run the command; a user's mistake is one line on standard error and exit status 2."""
-    import typer
-    from typer.exceptions import TyperException
-
-    from cape.cli.app import app
-    from cape.cli.compiling_told import tell, telling
-
-    tell()
-    command = typer.main.get_command(app)
+    """Run the command; a user's mistake is one line on standard error and exit status 2, an interrupt is one line."""
     interrupted: list[int] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:
@@ -26,28 +21,60 @@ def main() -> None:
 
     signal.signal(signal.SIGINT, interrupt)
     try:
+        status = _run()
+    except (Exception, KeyboardInterrupt) as error:
+        # What an interrupt reaches, such as a viewer, may fail before this process takes notice, or take it for a
+        # failure of its own.
+        status = INTERRUPTED if interrupted else _status_of(error)
+    if interrupted and status == INTERRUPTED:
+        _tell("interrupted", status)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # nothing is left that would have to end in order
+    if interrupted and _is_compiling():
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)  # a process does not end well while LLVM is at work in it
+    sys.exit(status)
+
+
+def _run() -> int:
+    import typer
+
+    from cape.cli.app import app
+    from cape.cli.compiling_told import tell, telling
+
+    tell()
+    command = typer.main.get_command(app)
+    try:
         status = command.main(prog_name="cape", standalone_mode=False)
-    except UserError as error:
-        # What is interrupted along with this process, such as a viewer, may fail before this one takes notice.
-        status = 130 if interrupted else _refuse(error.at_command_line)
-    except TyperException as error:
-        status = _refuse(f"{error.format_message()} (cape --help tells what there is)")
-    except BrokenPipeError:
-        status = 1
-    except typer.Abort:
-        status = 130
-    except Exception:
-        # An interrupt while numba compiles comes out as whatever broke in the compiler.
-        if not interrupted:
-            raise
-        status = 130
     finally:
         telling.close()
-    sys.exit(status if isinstance(status, int) else 0)
+    return status if isinstance(status, int) else 0
 
 
-def _refuse(text: str) -> int:
+def _status_of(error: BaseException) -> int:
+    """The status to exit with, told if need be; what is nobody's mistake but this program's is raised."""
+    import typer
+    from typer.exceptions import TyperException
+
+    if isinstance(error, UserError):
+        return _tell(error.at_command_line, 2)
+    if isinstance(error, TyperException):
+        return _tell(f"{error.format_message()} (cape --help tells what there is)", 2)
+    if isinstance(error, BrokenPipeError):
+        return 1
+    if isinstance(error, typer.Abort):
+        return INTERRUPTED
+    raise error
+
+
+def _tell(text: str, status: int) -> int:
     from cape.cli.words import shortened
 
     print("cape: " + shortened(printable(" ".join(text.split()))), file=sys.stderr)
-    return 2
+    return status
+
+
+def _is_compiling() -> bool:
+    """Tell whether code is still being compiled that nobody waits for any more."""
+    compiling = sys.modules.get("cape.kernels.compiling")
+    return compiling is not None and compiling.is_going_on()

@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
@@ -27,6 +28,8 @@ log = logging.getLogger("cape.compiling")
 WORTH = 3  # pieces for each helper at least: the first takes a second to start, and what they share each compiles
 
 POLLED = 0.02  # s between looks at how far helpers are
+
+ASIDE = "cape-compiling"  # name of a thread that compiles a piece
 
 Listener = Callable[[str, int, int], None]
 
@@ -56,7 +59,7 @@ def compile_all(requests: Sequence[Request]) -> None:
                 _end(helper)
     # What no helper could make.
     for request in store.missing(requests):
-        store.make(request)
+        _make(request)
     if listener is not None:
         listener("", len(requests), len(requests))
     log.info("compiled %d pieces", len(requests))
@@ -94,7 +97,36 @@ def _work(requests: Sequence[Request], claims: Path, begun: _Begun | None = None
         if begun is not None:
             begun.look()
         log.info("compiling %s, %d of %d", request.name, len(claimed) + 1, len(requests))
+        _make(request)
+
+
+def _make(request: Request) -> None:
+    """Compile a piece, on a thread of its own where this is the main thread, which hears of an interrupt at once.
+
+    LLVM hears of none, and numba would take it for a fault of the code: the piece at hand is then finished behind it.
+    """
+    if threading.current_thread() is not threading.main_thread():
         store.make(request)
+        return
+    failed: list[BaseException] = []
+
+    def make() -> None:
+        try:
+            store.make(request)
+        except BaseException as error:
+            failed.append(error)
+
+    aside = threading.Thread(target=make, name=ASIDE)
+    aside.start()
+    while aside.is_alive():
+        aside.join(POLLED)
+    if failed:
+        raise failed[0]
+
+
+def is_going_on() -> bool:
+    """Tell whether a piece is still being compiled that nobody waits for any more."""
+    return any(thread.name == ASIDE for thread in threading.enumerate())
 
 
 def _fit(request: Request, own: frozenset[Function], others: frozenset[Function]) -> tuple[int, int]:

@@ -1,5 +1,6 @@
 """From lists of units to programs that run: packed groups, and the addresses of compiled code."""
 
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -11,6 +12,7 @@ from cape.kernels.packing import GroupKind, Packed
 from cape.kernels.program import FrameCall, Program, Use, run_frame
 from cape.kernels.team import LINE, Team
 
+BREATH = 0.1  # s that a call of compiled code takes steps, which an interrupt has to wait for
 STEP = ("int", "int", "float")  # what a unit is called with after its group and the team: substep, substeps, step [s]
 
 
@@ -79,8 +81,9 @@ class Frame:
 
     def __init__(self, linker: Linker, begin: Program, substep: Program, team: Team) -> None:
         """Use `Linker.frame`."""
-        self._call = FrameCall(begin, substep, team, np.zeros(1, np.int64), np.zeros(1))
+        self._call = FrameCall(begin, substep, team, np.zeros(1, np.int64), np.zeros(1), np.zeros(2, np.int64))
         self._linker, self._entry = linker, None
+        self._breath = 1  # steps that are taken in one call
         if not COMPILER_OFF:
             self._packed = linker._pack(self._call)
             assert isinstance(self._packed.kind, GroupKind)
@@ -89,13 +92,26 @@ class Frame:
     def _enter(self, address: int) -> None:
         self._entry = calling.Entry(store.Code(address, "none"))
 
-    def run(self, substeps: int, duration: float) -> None:
-        """Advance by `duration` [s] in so many steps; other Python threads may go on meanwhile."""
+    def run(self, substeps: int, duration: float, look: Callable[[], None] = lambda: None) -> None:
+        """Advance by `duration` [s] in so many steps; other Python threads may go on meanwhile.
+
+        Compiled code hears of no interrupt: it comes back every `BREATH` at the latest, unless a single step takes
+        longer, and where it does `look` is called and may raise.
+        """
         self._call.substeps[0], self._call.duration[0] = substeps, duration
-        if self._entry is None:
-            run_frame.python(self._call)
-        else:
-            self._entry(self._packed.address)
+        done = 0
+        while done < substeps:
+            look()
+            steps = min(self._breath, substeps - done)
+            self._call.part[:] = done, done + steps
+            begun = time.perf_counter()
+            if self._entry is None:
+                run_frame.python(self._call)
+            else:
+                self._entry(self._packed.address)
+            spent = time.perf_counter() - begun
+            done += steps
+            self._breath = max(1, min(2 * self._breath, int(steps * BREATH / max(spent, 1e-9))))
 
 
 def arrivals_for(size: int) -> Any:

@@ -28,13 +28,17 @@ class Program(NamedTuple):
 
 
 class FrameCall(NamedTuple):
-    """What a frame takes: `begin` once, `substep` as often as `substeps` (1,) says, in `duration` (1,) [s]."""
+    """What a frame takes: `begin` once, `substep` as often as `substeps` (1,) says, in `duration` (1,) [s].
+
+    A call takes it from one substep to before another, `part` (2,), so that the caller may break off in between.
+    """
 
     begin: Program
     substep: Program
     team: Team
     substeps: NDArray[np.int64]
     duration: NDArray[np.float64]
+    part: NDArray[np.int64]
 
 
 class Nothing(NamedTuple):
@@ -83,9 +87,10 @@ def run(program, team, substep, substeps, step):
 
 @routine
 def run_frame(call):
-    """Advance a cloth by a frame."""
+    """Advance a cloth by a part of a frame."""
     substeps = call.substeps[0]
     step = call.duration[0] / substeps
-    run(call.begin, call.team, 0, substeps, step)
-    for substep in range(substeps):
+    if call.part[0] == 0:
+        run(call.begin, call.team, 0, substeps, step)
+    for substep in range(call.part[0], call.part[1]):
         run(call.substep, call.team, substep, substeps, step)

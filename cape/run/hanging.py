@@ -22,6 +22,8 @@ from cape.scene.jumps import rigid_motion
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene, require_held_once
 from cape.solvers import Solver
+from cape.solvers.base import MOST_SUBSTEPS
+from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
 
@@ -117,8 +119,18 @@ class Hanging:
         return 0.0 if faces is None else float(faces.haste[0])
 
     def choose_substeps(self, dt: float, *, strained: bool = False) -> int:
-        """Substeps in `dt` [s] that were asked for, or that the solver chooses."""
-        return self._solver.choose_substeps(self._running, dt, strained=strained)
+        """Substeps in `dt` [s] that were asked for, or that the solver chooses.
+
+        Raises:
+            ValueRangeError: they are more than `MOST_SUBSTEPS`.
+        """
+        substeps = self._solver.choose_substeps(self._running, dt, strained=strained)
+        if substeps > MOST_SUBSTEPS:
+            raise ValueRangeError(
+                f"{self._solver.name} would need {substeps:.3g} steps a frame here, more than {MOST_SUBSTEPS}: use a "
+                "softer, heavier or less damped fabric, a wider spacing, or another solver (xpbd, tr_bdf2)"
+            )
+        return substeps
 
     def own_choice(self, dt: float, *, strained: bool = False) -> int:
         """Substeps in `dt` [s] that the solver would choose, whatever was asked for."""

@@ -7,14 +7,17 @@ from numpy.typing import NDArray
 
 from cape.results.take import Take
 from cape.run.auto import AutoSimulation
+from cape.run.hanging import SETTLING_FRAME, SETTLING_TIME
 from cape.run.simulation import Simulation
 from cape.scene.jumps import Cuts
+from cape.scene.poses import Pose
 
 FloatArray = NDArray[np.float64]
 
 MISSED = 1.5  # of the error that was allowed, which is told of
 SLOW = 20.0  # s of estimated run time that nobody needs to be warned of
 SLOW_FACTOR = 4.0  # times the length of the motion, the same
+MANY = 2000  # steps in a frame, with which already putting the cloth on may take long
 NAMED_JUMPS = 5
 
 
@@ -97,15 +100,24 @@ def _on_loop(take: Take) -> list[str]:
     return notes
 
 
-def forewarn(simulation: Simulation, steps: FloatArray) -> None:
-    """Warn when the whole motion, with frames of the given lengths [s], will take long."""
-    forecast = simulation.forecast(float(steps.max()))
-    seconds = forecast.seconds * len(steps)
-    if seconds > SLOW and seconds > SLOW_FACTOR * float(steps.sum()):
-        span = f"{seconds / 60.0:.0f} minutes" if seconds > 120.0 else f"{seconds:.0f} s"
-        warnings.warn(
-            f"{simulation.solver.name} takes {forecast.substeps} steps a frame here, about {span} for "
-            f"{len(steps)} frames; a softer fabric or a wider spacing needs fewer, and another solver may be faster",
-            SlowWarning,
-            stacklevel=3,
-        )
+def forewarn(simulation: Simulation, steps: FloatArray, bones: Pose | None = None) -> bool:
+    """Warn when the whole motion, with frames of the given lengths [s], will take long; tell whether it will.
+
+    With a first pose of the `bones`, before the simulation is started: then also the cloth is still to be put on.
+    """
+    forecast = simulation.forecast(float(steps.max()), bones)
+    frames = len(steps) + (0 if bones is None else round(SETTLING_TIME / SETTLING_FRAME))
+    seconds = forecast.seconds * frames
+    if seconds <= SLOW or seconds <= SLOW_FACTOR * float(steps.sum()):
+        return False
+    span = f"{seconds / 60.0:.0f} minutes" if seconds > 120.0 else f"{seconds:.0f} s"
+    if seconds > 7200.0:
+        span = f"{seconds / 3600.0:.0f} hours"
+    warnings.warn(
+        f"{simulation.solver.name} takes {forecast.substeps} steps a frame here, about {span} for "
+        f"{len(steps)} frames{'' if bones is None else ' and putting the cloth on'}; "
+        "a softer fabric or a wider spacing needs fewer, and another solver may be faster",
+        SlowWarning,
+        stacklevel=3,
+    )
+    return True

@@ -15,8 +15,8 @@ from cape.results.verdict import warnings_of
 from cape.run.auto import Auto, AutoSimulation
 from cape.run.frames import Frames, Times
 from cape.run.looping import Laps
-from cape.run.notes import SlowWarning, forewarn, notes_on
-from cape.run.simulation import DEFAULT_CUTS, Simulation
+from cape.run.notes import MANY, SlowWarning, forewarn, notes_on
+from cape.run.simulation import DEFAULT_CUTS, Diverged, Simulation
 from cape.run.whereabouts import Diverged
 from cape.scene.jumps import Cuts
 from cape.scene.loops import round_of
@@ -96,9 +96,11 @@ def simulate(
     simulation.compile(first_pose, measured=scene)
     compiled = time.perf_counter()
     velocity, spin = _first_motion(scene, track, cuts)
+    warned = simulation.substeps > MANY and forewarn(simulation, np.diff(track.times), first_pose)
     simulation.start(first_pose, settle=settle, velocity=velocity, spin=spin)
     times = Times(compiled - started, time.perf_counter() - compiled)
-    forewarn(simulation, np.diff(track.times))
+    if not warned:
+        forewarn(simulation, np.diff(track.times))
     if isinstance(simulation, AutoSimulation):
         simulation.expect(poses_of(track, simulation.bones)[1:], np.diff(track.times))
 

@@ -41,7 +41,7 @@ class Simulation:
         scene: cloth, attachments, colliders, forces.
         solver: how it is advanced.
         threads: how many share the cloth at most.
-        substeps: steps of the last frame, as chosen first.
+        substeps: steps of the last frame, as chosen first; after `compile`, of the frames in which the cloth settles.
         retried: frames since the start that exploded and were done again in shorter steps.
         refined: frames that were taken in shorter steps, as the longer ones did not converge, made parts whirl,
             strained springs too far, or let thin colliders come by too far; those are not counted that only a limit of
@@ -256,6 +256,8 @@ class Simulation:
         found: dict[Request, None] = {}
         for solver in self._solvers:
             cloth = Hanging(self.scene, solver, pose, threads=self.threads)
+            if solver is self.solver:
+                self.substeps = cloth.choose_substeps(SETTLING_FRAME)
             found |= dict.fromkeys(cloth.requests(keeps_journal=self.ledger is not None))
             found |= dict.fromkeys(Meter(cloth.assembly, measured).requests(cloth.state))
             if self.ledger is not None:
@@ -374,13 +376,18 @@ class Simulation:
         cloth.carry(pose.moved(-cloth.origin))
         return cloth
 
-    def forecast(self, dt: float) -> Forecast:
+    def forecast(self, dt: float, bones: Bones | None = None) -> Forecast:
         """Tell what a frame of `dt` [s] takes, by stepping a part of one and taking it back.
 
+        With `bones`, a first pose, it is one of a cloth that is only laid out: the simulation need not be started.
+
         Raises:
-            ValueRangeError: the simulation has not been started.
+            ValueRangeError: the simulation has not been started, or the cape can't be put on.
         """
-        cloth = self._started
+        if bones is None:
+            cloth = self._started
+        else:
+            cloth = Hanging(self.scene, self.solver, read_pose(bones, self.bones), threads=self.threads)
         substeps = cloth.choose_substeps(dt)
         tried = min(substeps, FORECAST_SUBSTEPS)
         seconds = []

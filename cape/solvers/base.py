@@ -22,7 +22,7 @@ from motions.errors import ValueRangeError, require_whole
 
 Precision = Literal["single", "double"]
 
-MOST_SUBSTEPS = 1_000_000  # in a frame, which then takes half a minute for a small cloth
+MOST_SUBSTEPS = 1_000_000  # in a frame, asked for or chosen, which then takes half a minute for a small cloth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,8 +182,8 @@ class Programs:
         """Advance by a frame, on one thread where all others are busy."""
         self.link()
         teams.run(
-            lambda rank: self._together[rank].run(substeps, duration),
-            lambda: self._alone.run(substeps, duration),
+            lambda rank: self._together[rank].run(substeps, duration, teams.require_wanted),
+            lambda: self._alone.run(substeps, duration, teams.require_wanted),
             self._arrivals,
         )
 

@@ -18,6 +18,11 @@ from numpy.typing import NDArray
 from cape.kernels.jit import COMPILER_OFF
 from cape.kernels.team import GONE, LINE
 
+
+class CalledOff(RuntimeError):
+    """What a rank does is not wanted any more, as another one was interrupted or failed."""
+
+
 Work = Callable[[int], None]
 """What a rank does, given its number."""
 
@@ -54,6 +59,17 @@ def run(work: Work, alone: Callable[[], None], arrivals: NDArray[np.int64]) -> i
     with crew.working:
         crew.work(work, arrivals)
     return size
+
+
+def require_wanted() -> None:
+    """Break off what a rank of a team does on this thread, where it has been called off.
+
+    Raises:
+        CalledOff: it has; who called the team raises what went wrong.
+    """
+    share = getattr(_here, "share", None)
+    if share is not None and share.called_off:
+        raise CalledOff
 
 
 def threads_for(vertices: int) -> int:
@@ -137,6 +153,7 @@ class _Share:
 
     def __init__(self, work: Work, rank: int, word: NDArray[np.int64]) -> None:
         self.error: BaseException | None = None
+        self.called_off = False
         self.meetings = 0
         self._work, self._rank, self._word = work, rank, word
         self._owner: dict[str, str] = {}
@@ -146,10 +163,12 @@ class _Share:
     def run(self) -> None:
         if self._owner.setdefault("name", "runner") != "runner":
             return
+        _here.share = self
         try:
             self._work(self._rank)
         except BaseException as error:
             self.error = error
+        _here.share = None
         self.meetings = int(self._word[0])
         self._word[0] = GONE
         self._unfinished.release()
@@ -159,7 +178,8 @@ class _Share:
             pass
 
     def call_off(self) -> bool:
-        """See to it that it doesn't begin any more; False if it did already. May be repeated."""
+        """See to it that it doesn't begin any more, or ends soon; False if it did begin. May be repeated."""
+        self.called_off = True
         if self._owner.setdefault("name", "caller") == "runner":
             return False
         self._word[0] = GONE
@@ -189,5 +209,6 @@ def _start_anew() -> None:
 
 
 _crew = _Crew()
+_here = threading.local()  # the share that a thread works on
 if sys.platform != "win32":
     os.register_at_fork(after_in_child=_start_anew)  # a child has none of its parent's threads

@@ -102,6 +102,25 @@ def test_a_frame_calls_what_begins_it_once_and_the_rest_in_every_substep(log: Lo
     assert [line[:4] for line in log.noted] == [[who, 0, 1, 2.0] for who in (1.0, -2.0, 3.0, -1.0, 4.0)]
 
 
+def test_a_frame_may_be_broken_off_between_its_steps(log: Log, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("cape.kernels.linking.BREATH", 0.0)  # back to Python after every step
+    linker, looks = Linker(), []
+    frame = linker.frame(
+        [Use(sign, Named(log, 1.0))], [Use(sign_backwards, Named(log, 2.0))], Team(0, 1, 0, 1, np.zeros(16, np.int64))
+    )
+    linker.link()
+
+    def look() -> None:
+        looks.append(len(log.noted))
+        if len(looks) == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        frame.run(1000, 1.0, look)
+    assert looks == [0, 2, 3, 4]
+    assert [line[:3] for line in log.noted] == [[1.0, 0, 1000], *([-2.0, k, 1000] for k in range(3))]
+
+
 def test_a_program_within_a_program(log: Log):
     linker = Linker()
     inner = linker.program([Use(sign, Named(log, 1.0)), Use(sign_backwards, Named(log, 2.0))])

@@ -4,6 +4,7 @@ import os
 import signal
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +21,9 @@ from cape.scene.scene import Scene
 from cape.solvers import Solver
 from cape.solvers import threads as module
 from cape.solvers.running import Thread
-from cape.solvers.threads import available_cores, cpu_quota, run
+from cape.solvers.threads import available_cores, cpu_quota, require_wanted, run
 from tests.support.processes import python
-from tests.support.scenes import Run, every_solver, grid_cloth
+from tests.support.scenes import DOUBLE, Run, every_solver, grid_cloth
 
 
 @routine
@@ -244,6 +245,59 @@ def test_an_interrupt_ends_all_ranks_before_it_is_raised(when: float):
     thread.join()
     assert 1 not in at_work
     assert diffused(2)[1] == 2
+
+
+def test_ranks_end_soon_when_one_is_interrupted():
+    """The second rank would go on for ever, were it not told that nobody wants what it does."""
+
+    def frame(rank: int) -> None:
+        while True:
+            if rank == 0:
+                raise KeyboardInterrupt
+            require_wanted()
+
+    arrivals = arrivals_for(2)
+    for _ in range(20):
+        with pytest.raises(KeyboardInterrupt):
+            run(frame, never, arrivals)
+    require_wanted()  # who called them is wanted still
+    assert diffused(2)[1] == 2
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("solver", DOUBLE, ids=lambda s: s.name)
+def test_how_often_a_frame_comes_back_never_shows(solver: Solver, threads: int, monkeypatch: pytest.MonkeyPatch):
+    def positions(breath: float) -> np.ndarray:
+        monkeypatch.setattr("cape.kernels.linking.BREATH", breath)
+        cloth = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.1)
+        scene = cape.Scene(cloth, [cape.attach(cloth, "rod", "top")])
+        simulation = cape.Simulation(scene, solver=replace(solver, substeps=100), threads=threads)
+        for x in (0.0, 0.1, 0.3):
+            simulation.step({"rod": ([x, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])}, 1 / 60)
+        return simulation.positions
+
+    whole = positions(1e6)
+    assert np.ptp(whole[:, 1]) > 0.0 or np.ptp(whole[:, 0]) > 0.0
+    np.testing.assert_array_equal(positions(0.0), whole)
+
+
+def test_an_interrupt_is_heard_within_a_frame():
+    """A frame of a million steps is broken off, its cloth is where it was, and goes on from there."""
+    cloth = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.05)
+    simulation = cape.Simulation(cape.Scene(cloth, [cape.attach(cloth, "rod", "top")]))
+    pose = {"rod": ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])}
+    simulation.start(pose)
+    simulation.step(pose, 1 / 60)
+    before = simulation.positions
+    simulation.change_solver(cape.SymplecticEuler(substeps=1_000_000))
+    timer = threading.Timer(0.3, signal.raise_signal, [signal.SIGINT])
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        simulation.step(pose, 1 / 60)
+    timer.join()
+    np.testing.assert_array_equal(simulation.positions, before)
+    (programs,) = simulation._started._running.frames.values()
+    assert 0 < programs._alone._call.part[1] < 1_000_000
 
 
 def test_a_child_process_has_a_team_of_its_own():
