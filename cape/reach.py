@@ -87,16 +87,19 @@ def reach_of(scene: Scene, track: BoneTrack, *, stretch: float = STRETCH) -> Rea
     held = _Held.of(scene, track, stretch)
     if held is None:
         return Reach(np.inf, stretch, dict.fromkeys(names, -np.inf), dict.fromkeys(names, 0))
-    clearances = [held.clearance(c) for c in range(len(names))]
-    # Bones hold a vertex that is in a collider at the collider's surface instead (`kernels.solve.attachments`).
-    skins = [_thickness(scene, c) + held.spreads for c in range(len(names))]
-    inside = [np.maximum(skin - distances, 0.0) for skin, (distances, _) in zip(skins, clearances, strict=True)]
-    radii = held.radii + held.left_behind(track.times) + np.sum(inside, axis=0).max(axis=0, initial=0.0)
+    inside, nearest, nearest_at = np.zeros(held.points.shape[:2]), [], []
+    for c in range(len(names)):
+        distances, least = held.clearance(c)
+        # Bones hold a vertex that is in a collider at the collider's surface instead (`kernels.solve.attachments`).
+        inside += np.maximum(_thickness(scene, c) + held.spreads - distances, 0.0)
+        nearest.append(least.min(axis=0))
+        nearest_at.append(least.argmin(axis=0))
+    radii = held.radii + held.left_behind(track.times) + inside.max(axis=0, initial=0.0)
     gaps, frames = {}, {}
-    for c, (name, (_, least)) in enumerate(zip(names, clearances, strict=True)):
-        beyond = (least - radii).min(axis=1) - _thickness(scene, c)
-        frames[name] = max(int(beyond.argmin()) - held.before, 0)
-        gaps[name] = float(beyond.min())
+    for c, name in enumerate(names):
+        beyond = nearest[c] - radii
+        gaps[name] = float(beyond.min() - _thickness(scene, c))
+        frames[name] = max(int(nearest_at[c][beyond == beyond.min()].min()) - held.before, 0)
     return Reach(float(radii.max(initial=0.0)), stretch, gaps, frames)
 
 

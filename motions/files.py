@@ -13,16 +13,17 @@ from motions.errors import FileError
 from motions.limits import LARGEST_FILE
 
 
-def read_bytes(path: Path) -> bytes:
-    """All of a regular file: what never ends, or waits for a writer, is none.
+def read_bytes(path: Path, *, most: int | None = None) -> bytes:
+    """All of a regular file, of `most` bytes or `LARGEST_FILE`: what never ends, or waits for a writer, is none.
 
     Raises:
         FileError: it is missing, no regular file, too large, or can't be read.
     """
     try:
         found = _regular(path)
-        if found.st_size > LARGEST_FILE:
-            raise FileError(f"{path} has {found.st_size / 2**20:.0f} MB, more than {LARGEST_FILE / 2**20:.0f}")
+        most = LARGEST_FILE if most is None else most
+        if found.st_size > most:
+            raise FileError(f"{path} has {found.st_size / 2**20:.0f} MB, more than {most / 2**20:.0f}")
         return path.read_bytes()
     except (OSError, ValueError) as error:
         if isinstance(error, FileError):

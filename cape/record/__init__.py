@@ -31,11 +31,12 @@ Of several cloths on one character, `save([cape, skirt], ...)`, each has paths o
 Lengths are metres in a right-handed world with Z up, in single precision. A row stands on two timelines: `frame`, the
 frame's number, and `time`, its time [s] as a duration.
 
-A collider that was left out, as the cloth can't reach it, is grey, and its label says so. A plane is drawn as
-a rectangle under all bones, the shell of a box or a cylinder with sharp edges, that of an ellipsoid as the ellipsoid
-whose axes are longer by the thickness at each end. A contact is a vertex within a collider's thickness at
-the end of a frame: its point lies on the collider's surface, green where the vertex is at the outside of the thickness,
-yellow where it is at the surface, red where it is inside the collider.
+Of colliders that are no capsules 2,000 are drawn at most (`motions.limits.MOST_DRAWN`). One that was left out, as the
+cloth can't reach it, is grey, and its label says so. A plane is drawn as a rectangle under all bones, the shell of a
+box or a cylinder with sharp edges, that of an ellipsoid as the ellipsoid whose axes are longer by the thickness at each
+end. A contact is a vertex within a collider's thickness at the end of a frame: its point lies on the collider's
+surface, green where the vertex is at the outside of the thickness, yellow where it is at the surface, red where it is
+inside the collider.
 
 The layout that comes along has two tabs: `cape` with the body, or the robot, that wears the cape, and `hitboxes` with
 these, translucent and with their names, with shells and contacts, and a cape to look through.

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cape.measure.contact_points import ContactPoints
 from cape.record.frames import Frames, send_once
+from cape.results.kept import let_go
 from cape.scene.colliders import Collider
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ def log_contacts(
         frames.send(stream, f"{path}/points", rr.Points3D, points, block=block, counts=some.counts)
         normals = {"origins": some.points, "vectors": ARROW_LENGTH * some.normals}
         frames.send(stream, f"{path}/normals", rr.Arrows3D, normals, block=block, counts=some.counts)
+        for array in (contacts.points, contacts.normals, contacts.depths, contacts.colliders, contacts.vertices):
+            let_go(array)
 
 
 def depth_colors(depths: NDArray[np.float32], thicknesses: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -14,6 +14,7 @@ from cape.cloth.looks.sewn import texture_of
 from cape.cloth.normals import vertex_normals
 from cape.record.frames import Frames, send_once
 from cape.record.surfaces.textures import albedo, plain
+from cape.results.kept import let_go
 from motions.errors import UnknownNameError
 from skeleton.track import BoneTrack
 
@@ -61,6 +62,7 @@ def log_cape(
         positions = take.positions[frames.numbers[block]]
         normals = vertex_normals(positions, take.triangles)
         frames.send(stream, path, rr.Mesh3D, {"vertex_positions": positions, "vertex_normals": normals}, block=block)
+        let_go(take.positions)
 
 
 def log_skeleton(stream: rr.RecordingStream, bones: BoneTrack, frames: Frames) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,8 @@ from cape.record.frames import Frames, send_once
 from cape.record.poses import bone_poses, xyzw
 from cape.scene.colliders import Collider
 from motions import quaternions
-from skeleton.shapes import require_known
+from motions.limits import MOST_DRAWN
+from skeleton.shapes import Capsule, require_known
 from skeleton.shapes.outlines import (
     BoxOutline,
     CapsuleOutline,
@@ -37,6 +39,19 @@ SHELL_COLOR = (90, 230, 190, SHELL_OPACITY)
 MESH_OPACITY = 80  # of 255: about that of Rerun's own translucent fill
 PLANE_MARGIN = 0.5  # [m] that a drawn plane goes on beyond what stands on it
 LABEL_RADIUS = 0.001  # [m] of the point that carries the name of a mesh, which has none itself
+
+
+def drawable(colliders: Sequence[Collider]) -> list[Collider]:
+    """Those that a recording has room for: all capsules, and the first of all others; warns of the rest."""
+    others = [collider for collider in colliders if not isinstance(collider, Capsule)]
+    if len(others) <= MOST_DRAWN:
+        return list(colliders)
+    warnings.warn(
+        f"{MOST_DRAWN} of {len(others)} colliders that are no capsules are drawn: a recording holds no more",
+        stacklevel=4,
+    )
+    left_out = {id(collider) for collider in others[MOST_DRAWN:]}
+    return [collider for collider in colliders if id(collider) not in left_out]
 
 
 def log_hitboxes(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cape.cloth.looks.look import Look
 from cape.cloth.looks.registry import LOOKS, look_of
+from cape.record.solids import drawable
 from cape.results.take import Take
 from cape.scene.colliders import Collider
 from cape.scene.loops import Travel
@@ -49,8 +50,8 @@ class Worn:
         takes: one for each cloth.
         cloths: where these stand.
         bones: the motion, F frames.
-        positions: of the vertices of all cloths [m], shape (F, V, 3).
-        colliders: of all takes, those of one name once.
+        positions: of the vertices of each cloth [m], shape (F, V, 3).
+        colliders: of all takes, those of one name once, as far as they are drawn.
         thicknesses: at which each stops the cloth [m], shape (C,).
         left_out: names of the colliders that no cloth can reach.
         travel: how far the motion gets in a round, where a take loops; None where none does.
@@ -60,7 +61,7 @@ class Worn:
     takes: Sequence[Take]
     cloths: Sequence[ClothEntity]
     bones: BoneTrack
-    positions: NDArray[np.float32]
+    positions: Sequence[NDArray[np.float32]]
     colliders: Sequence[Collider]
     thicknesses: NDArray[np.float64]
     left_out: Collection[str]
@@ -86,13 +87,15 @@ def worn_of(takes: Sequence[Take]) -> Worn:
     for take in takes:
         for collider, thickness in zip(take.colliders, take.thicknesses, strict=True):
             first_of.setdefault(collider.name, (collider, float(thickness)))
+    drawn = {collider.name for collider in drawable([collider for collider, _ in first_of.values()])}
+    first_of = {name: both for name, both in first_of.items() if name in drawn}
     reached = {c.name for take in takes for c in take.colliders if c.name not in take.left_out}
     return Worn(
         name=" and ".join(names),
         takes=takes,
         cloths=_entities(takes),
         bones=bones,
-        positions=np.concatenate([take.positions[:frames] for take in takes], axis=1),
+        positions=[take.positions[:frames] for take in takes],
         colliders=[collider for collider, _ in first_of.values()],
         thicknesses=np.array([thickness for _, thickness in first_of.values()], dtype=float),
         left_out=set(first_of) - reached,

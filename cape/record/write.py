@@ -16,9 +16,10 @@ from cape.record.figure.robot import log_robot
 from cape.record.file import recording_file
 from cape.record.frames import Frames
 from cape.record.layers import check_layers, log_cape, log_plots, log_skeleton
-from cape.record.solids import log_hitboxes, log_shells
+from cape.record.solids import drawable, log_hitboxes, log_shells
 from cape.record.stage import figure_height, log_character, log_floor
 from cape.record.worn import worn_of
+from cape.results.kept import blocks
 from cape.results.take import Take
 from cape.scene.colliders import Collider
 from cape.scene.scene import Scene
@@ -59,7 +60,7 @@ def save(
     asked = _with_surfaces(check_layers(layers), surfaces)
     worn = worn_of([take] if isinstance(take, Take) else take)
     frames = _finite_frames(worn.name, worn.bones, worn.positions)
-    size = OVERHEAD + (2 * worn.positions.nbytes if "cape" in asked else 0)
+    size = OVERHEAD + (2 * sum(each.nbytes for each in worn.positions) if "cape" in asked else 0)
     if "contacts" in asked:
         size += BYTES_PER_CONTACT * sum(len(one.contacts.points) for one in worn.takes if one.contacts is not None)
     height = figure_height(worn.bones, frames, surfaces if "robot" in asked else ())
@@ -121,6 +122,7 @@ def save_hitboxes(
     """
     asked = _with_surfaces(check_layers(layers, BODY_LAYERS), surfaces)
     frames = _finite_frames(name, bones)
+    colliders = drawable(colliders)
     blueprint = layout(asked, figure_height(bones, frames, surfaces), colliders, tab="hitboxes")
     with recording_file(path, application="cape hitboxes", name=name, blueprint=blueprint, size=OVERHEAD) as stream:
         log_character(stream, bones, frames)
@@ -142,12 +144,12 @@ def _with_surfaces(asked: Sequence[str], surfaces: Sequence[LinkSurface]) -> tup
     return tuple(layer for layer in asked if layer != ("body" if surfaces else "robot"))
 
 
-def _finite_frames(name: str, bones: BoneTrack, positions: np.ndarray | None = None) -> Frames:
+def _finite_frames(name: str, bones: BoneTrack, positions: Sequence[np.ndarray] = ()) -> Frames:
     """The frames in which all positions are finite; warns of the others."""
     finite = np.ones(len(bones.times), bool)
-    for values in (bones.positions, bones.rotations_wxyz, positions):
-        if values is not None:
-            finite &= np.isfinite(values).all(axis=(1, 2))
+    for values in (bones.positions, bones.rotations_wxyz, *positions):
+        for block in blocks(values):
+            finite[block] &= np.isfinite(values[block]).all(axis=(1, 2))
     if not finite.any():
         raise ValueRangeError(f"nothing to record: none of the {len(finite)} frames of {name!r} is finite")
     if not finite.all():

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth
 from cape.measure.wearing import folds, near_ray, ray_hits
+from cape.results.kept import blocks, let_go
 from cape.results.placed_colliders import PlacedColliders
 from cape.results.take import Take
 from cape.scene.scene import Scene
@@ -18,6 +19,7 @@ IntArray = NDArray[np.int64]
 
 CLOSE = 0.06  # m from the skin, within which cloth covers a shoulder
 MOST_OF_ALL = 95  # per cent of the frames
+LET_GO = 1000  # frames after which those on disk are let go of
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,8 @@ def _shoulders_covered(take: Take, cloth: Cloth, joints: Sequence[FloatArray], u
     rays, frames = [], []
     for ray, joint in enumerate(joints):
         for frame, positions in enumerate(take.positions):
+            if frame % LET_GO == 0:
+                let_go(take.positions)
             above = near_ray(joint[frame], up[frame], positions, take.triangles)
             ways = ray_hits(joint[None, frame], up[None, frame], positions[take.triangles[above]].astype(float)[None])
             found = joint[frame] + ways[np.isfinite(ways), None] * up[frame]
@@ -109,9 +113,12 @@ def _collar_gaps(take: Take, cloth: Cloth) -> FloatArray | None:
     own = bones.get("neck") if bones.get("neck") != bones.get("head") else None
     neck = [c for c in body if take.bones.names[take.bones.index(str(take.colliders[c].bone))] == own]
     edge = np.intersect1d(cloth.regions["collar"], cloth.regions.get("top", cloth.regions["collar"]))
-    frames = np.repeat(np.arange(len(take.positions)), len(edge))
-    places = take.positions[:, edge].astype(float).reshape(-1, 3)
-    return _distances(PlacedColliders(take), neck or body, frames, places).reshape(-1, len(edge)).max(axis=1)
+    placed, gaps = PlacedColliders(take), np.empty(len(take.positions))
+    for block in blocks(take.positions):
+        frames = np.repeat(np.arange(block.start, block.stop), len(edge))
+        places = take.positions[block][:, edge].astype(float).reshape(-1, 3)
+        gaps[block] = _distances(placed, neck or body, frames, places).reshape(-1, len(edge)).max(axis=1)
+    return gaps
 
 
 def _of_the_body(take: Take) -> list[int]:
@@ -121,4 +128,7 @@ def _of_the_body(take: Take) -> list[int]:
 
 def _distances(placed: PlacedColliders, colliders: Sequence[int], frames: IntArray, points: FloatArray) -> FloatArray:
     """Distances of points (n, 3), each at a frame, from the nearest of some colliders [m], negative within, (n,)."""
-    return -np.max([placed.depth(collider, frames, points) for collider in colliders], axis=0)
+    deepest = np.full(len(points), -np.inf)
+    for collider in colliders:
+        np.maximum(deepest, placed.depth(collider, frames, points), out=deepest)
+    return -deepest

@@ -1,14 +1,17 @@
 """The frames of a run, as they are stepped and kept."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cape.measure.contact_points import ContactPoints
+from cape.measure.meter import Reading
 from cape.reach import Reach
+from cape.results.kept import Kept
+from cape.results.kept_contacts import KeptContacts
 from cape.results.take import StepError, Take
 from cape.run.auto import AutoSimulation
 from cape.run.simulation import Simulation
@@ -18,6 +21,8 @@ from cape.scene.scene import Scene
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
+
+NO_CONTACTS = ContactPoints.none(1)
 
 
 @dataclass(frozen=True)
@@ -41,8 +46,9 @@ class Frames:
         self._poses, self._all_poses = poses_of(track, simulation.bones), poses_of(track, scene.bones)
         self._steps = np.diff(track.times)
         self._meter = simulation.meter(scene)
-        self._positions: list[NDArray[np.float32]] = []
-        self._readings = []
+        self._positions = Kept((scene.cloth.vertices, 3), np.float32)
+        self._contacts = KeptContacts()
+        self._readings: list[Reading] = []  # without contacts
         self._jumps: list[int] = []
         self._renewed: list[int] = []
         self._counted = simulation.jumps, simulation.renewed
@@ -53,12 +59,12 @@ class Frames:
     @property
     def count(self) -> int:
         """How many there are."""
-        return min(len(self._positions), len(self._readings))
+        return len(self._readings)
 
     @property
-    def positions(self) -> Sequence[NDArray[np.float32]]:
-        """Of the vertices in the world at each of them [m], shape (V, 3) each."""
-        return self._positions
+    def positions(self) -> NDArray[np.float32]:
+        """Of the vertices in the world at each of them [m], shape (F, V, 3)."""
+        return self._positions.array()[: self.count]
 
     @property
     def deepest(self) -> float:
@@ -102,7 +108,9 @@ class Frames:
 
     def go_back(self, frame: int) -> None:
         """Keep no frame after one."""
-        del self._positions[frame + 1 :], self._readings[frame + 1 :]
+        self._positions.cut(frame + 1)
+        self._contacts.cut(frame + 1)
+        del self._readings[frame + 1 :]
         for jumps in (self._jumps, self._renewed):
             jumps[:] = [k for k in jumps if k <= frame]
         self._counted = self._simulation.jumps, self._simulation.renewed
@@ -116,11 +124,11 @@ class Frames:
         self._meter, dtype = simulation.meter(self._scene), simulation.solver.dtype(simulation.assembly)
         energies = [np.array([r.kinetic_energy for r in run._readings]) for run in (self, other)]
         mixed = energies[0] + shares * (energies[1] - energies[0])
-        self._positions = list(mix(self._positions, other._positions, shares))
-        self._readings = [
-            replace(self._meter.read_still(places.astype(float), read_pose(pose, bones), dtype), kinetic_energy=energy)
-            for places, pose, energy in zip(self._positions, self._all_poses, mixed.tolist(), strict=True)
-        ]
+        mixed_positions = mix(self.positions, other.positions, shares)
+        self._positions, self._contacts, self._readings = Kept(self._positions.shape, np.float32), KeptContacts(), []
+        for places, pose, energy in zip(mixed_positions, self._all_poses, mixed.tolist(), strict=True):
+            reading = self._meter.read_still(places.astype(float), read_pose(pose, bones), dtype)
+            self._note(places, replace(reading, kinetic_energy=energy))
 
     def take(self, name: str, times: Times, reach: Reach | None) -> Take:
         """All frames so far; `reach` tells what was left out."""
@@ -132,7 +140,7 @@ class Frames:
             colliders=tuple(scene.colliders),
             triangles=scene.cloth.triangles,
             texcoords=scene.cloth.texcoords,
-            positions=np.stack(self._positions[:frames]),
+            positions=self.positions,
             stretch_max=np.array([r.stretch for r in readings]),
             stretch_p99=self._meter.stretch_quantile(0.99),
             penetration=np.array([r.penetration for r in readings]),
@@ -146,7 +154,7 @@ class Frames:
             thickness=scene.thickness,
             held=np.flatnonzero(simulation.assembly.outwards(simulation.assembly.inverse_mass) == 0.0),
             left_out={} if reach is None else reach.left_out,
-            contacts=ContactPoints.joined([r.contacts for r in readings]),
+            contacts=self._contacts.all(frames),
             jumps=tuple(frame for frame in self._jumps if frame < frames),
             renewed=tuple(frame for frame in self._renewed if frame < frames),
             step_errors=self.step_errors,
@@ -161,13 +169,16 @@ class Frames:
         return tuple(self._simulation.errors) if isinstance(self._simulation, AutoSimulation) else ()
 
     def _keep(self, frame: int) -> None:
-        self._readings.append(self._simulation.read(self._meter, self._all_poses[frame]))
-        self._positions.append(self._simulation.positions.astype(np.float32))
+        reading = self._simulation.read(self._meter, self._all_poses[frame])
+        self._note(self._simulation.positions.astype(np.float32), reading)
+
+    def _note(self, places: NDArray[np.float32], reading: Reading) -> None:
+        self._positions.add(places[None])
+        self._contacts.add(reading.contacts)
+        self._readings.append(replace(reading, contacts=NO_CONTACTS))
 
 
-def mix(
-    first: Sequence[NDArray[np.float32]], second: Sequence[NDArray[np.float32]], shares: FloatArray
-) -> Iterator[NDArray[np.float32]]:
-    """Positions between those of two runs [m], (V, 3) for each frame: a share of the second's, shape (F,)."""
+def mix(first: NDArray[np.float32], second: NDArray[np.float32], shares: FloatArray) -> Iterator[NDArray[np.float32]]:
+    """Positions between those of two runs [m], (F, V, 3) each: a share of the second's, shape (F,); (V, 3) a frame."""
     for a, b, share in zip(first, second, shares, strict=True):
         yield a if share == 0.0 else b if share == 1.0 else (a + share * (b - a)).astype(np.float32)

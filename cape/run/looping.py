@@ -12,7 +12,7 @@ of the way. Between frames it moves as it must, past limbs and with threads as l
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -173,8 +173,8 @@ class _Alike(NamedTuple):
     gap: float
 
 
-def distances(first: Sequence[NDArray[np.floating]], second: Sequence[NDArray[np.floating]]) -> FloatArray:
-    """Largest distance of a vertex between two runs at each of F frames [m], positions (V, 3) each; shape (F,)."""
+def distances(first: NDArray[np.floating], second: NDArray[np.floating]) -> FloatArray:
+    """Largest distance of a vertex between two runs at each of F frames [m], from positions (F, V, 3); shape (F,)."""
     return np.array([np.linalg.norm(a - b, axis=1).max() for a, b in zip(first, second, strict=True)], dtype=float)
 
 

@@ -1,7 +1,7 @@
 """Where bones are at one instant, as a simulation takes it."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,14 +46,38 @@ class Pose(NamedTuple):
 Bones = Mapping[str, tuple[ArrayLike, ArrayLike]] | Pose
 
 
-def poses_of(track: BoneTrack, bones: Sequence[str]) -> list[Pose]:
+class Poses(Sequence[Pose]):
+    """Poses at frames of a track, each made when it is asked for."""
+
+    def __init__(self, track: BoneTrack, chosen: Sequence[int], frames: range) -> None:
+        """Of the chosen bones."""
+        self._track, self._chosen, self._frames = track, list(chosen), frames
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self._frames)
+
+    @overload
+    def __getitem__(self, index: int) -> Pose: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> "Poses": ...
+
+    def __getitem__(self, index: int | slice) -> "Pose | Poses":
+        """One of them, or several."""
+        if isinstance(index, slice):
+            return Poses(self._track, self._chosen, self._frames[index])
+        frame = self._frames[index]
+        return Pose(self._track.positions[frame, self._chosen], self._track.rotations_wxyz[frame, self._chosen])
+
+
+def poses_of(track: BoneTrack, bones: Sequence[str]) -> Poses:
     """The pose of some bones, given by name or role and in this order, at each frame of a track.
 
     Raises:
         UnknownNameError: the track lacks a bone.
     """
-    chosen = [track.index(bone) for bone in bones]
-    return [Pose(track.positions[f, chosen], track.rotations_wxyz[f, chosen]) for f in range(track.frames)]
+    return Poses(track, [track.index(bone) for bone in bones], range(track.frames))
 
 
 def read_poses(poses: Sequence[Bones], names: Sequence[str]) -> list[Pose]:

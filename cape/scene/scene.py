@@ -1,5 +1,6 @@
 """Everything that a simulation needs to know and that does not change while it runs."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +16,7 @@ from cape.scene.holding.confinement import Confinement
 from cape.scene.holding.tethers import Tethers
 from cape.scene.self_contact import SelfContact
 from motions.errors import ValueRangeError
+from motions.limits import MOST_COLLIDERS
 from skeleton.shapes import require_known
 
 FloatArray = NDArray[np.float64]
@@ -67,16 +69,17 @@ class Scene:
         Raises:
             UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
             ValueRangeError: an attachment is of another cloth, a vertex is attached or confined twice, two colliders
-                share a name, a value is out of range, strain is to be limited in a mesh of unknown threads, or
-                something goes by what is held and nothing is.
+                share a name or there are too many, a value is out of range, strain is to be limited in a mesh of
+                unknown threads, or something goes by what is held and nothing is.
         """
         for attachment in self.attachments:
             _require_of(self.cloth, attachment)
         require_held_once([a.vertices for a in self.attachments if a.within is None])
         require_held_once([c.animated.vertices for c in self.confinements], "confined")
         require_known(self.colliders)
-        names = [c.name for c in self.colliders]
-        doubled = sorted({n for n in names if names.count(n) > 1})
+        if len(self.colliders) > MOST_COLLIDERS:
+            raise ValueRangeError(f"a scene has at most {MOST_COLLIDERS} colliders, not {len(self.colliders)}")
+        doubled = sorted(name for name, times in Counter(c.name for c in self.colliders).items() if times > 1)
         if doubled:
             raise ValueRangeError(f"two colliders are named {doubled[0]!r}")
         if len(self.gravity) != 3 or not np.isfinite(self.gravity).all():

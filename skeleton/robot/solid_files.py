@@ -23,7 +23,7 @@ import numpy as np
 
 from motions.errors import FileError, UnknownNameError, UserError
 from motions.files import read_bytes, write_text
-from motions.limits import LARGEST_NUMBER
+from motions.limits import LARGEST_NUMBER, LARGEST_SOLIDS, MOST_COLLIDERS
 from skeleton.shapes import SHAPES, Shape, shape_named, word_of
 
 _COMMON = {"friction": 0, "thickness": 0}
@@ -67,7 +67,7 @@ def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple
             hold.
     """
     try:
-        content = tomllib.loads(read_bytes(Path(path)).decode())
+        content = tomllib.loads(read_bytes(Path(path), most=LARGEST_SOLIDS).decode())
     except FileError:
         raise
     except RecursionError:
@@ -80,6 +80,8 @@ def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple
         raise FileError(f"{path}: robot is a text, not {robot!r}")
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise FileError(f"{path}: solids are tables [[solid]]")
+    if len(tables) > MOST_COLLIDERS:
+        raise FileError(f"{path} holds {len(tables)} solids, more than {MOST_COLLIDERS}")
     solids: dict[str, Shape] = {}
     for number, table in enumerate(tables, start=1):
         where = f"{path}: solid {number}" + (f" ({table['name']!r})" if "name" in table else "")

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
+_AT_ONCE = 4096  # frames whose rotations are held as matrices
+
 
 @dataclass(frozen=True, eq=False)
 class Carriers:
@@ -124,12 +126,17 @@ def poses_in(
     origins = [placement.translation for placement in placements]
     matrices = [placement.rotation for placement in placements]
     positions = np.empty((len(configurations), len(bones), 3))
-    rotations = np.empty((len(configurations), len(bones), 3, 3))
-    for frame, configuration in enumerate(configurations):
-        pin.forwardKinematics(model, data, configuration)
-        positions[frame], rotations[frame] = origins, matrices
+    rotations = np.empty((len(configurations), len(bones), 4))
+    turns = np.empty((_AT_ONCE, len(bones), 3, 3))
     fixed = np.flatnonzero(carriers.fixed[bones])
     on = np.asarray(bones, dtype=np.int64)[fixed]
-    positions[:, fixed] += np.einsum("fbij,bj->fbi", rotations[:, fixed], carriers.positions[on])
-    rotations[:, fixed] = rotations[:, fixed] @ carriers.rotations[on]
-    return positions, quaternions.from_matrix(rotations)
+    for first in range(0, len(configurations), _AT_ONCE):
+        block = configurations[first : first + _AT_ONCE]
+        for k, configuration in enumerate(block):
+            pin.forwardKinematics(model, data, configuration)
+            positions[first + k], turns[k] = origins, matrices
+        some = slice(first, first + len(block))
+        positions[some, fixed] += np.einsum("fbij,bj->fbi", turns[: len(block), fixed], carriers.positions[on])
+        turns[: len(block), fixed] = turns[: len(block), fixed] @ carriers.rotations[on]
+        rotations[some] = quaternions.from_matrix(turns[: len(block)])
+    return positions, rotations

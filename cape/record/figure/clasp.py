@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cape.cloth.normals import vertex_normals
 from cape.record.frames import Frames, send_once
 from cape.record.poses import xyzw
+from cape.results.kept import let_go
 from motions import quaternions
 from skeleton.shapes.revolved import AROUND, strips
 
@@ -77,7 +78,10 @@ def _carried(take: Take, frames: Frames) -> tuple[FloatArray, FloatArray, float]
     ends = take.cloth.regions["clasp"]
     near = take.triangles[np.isin(take.triangles, ends).any(axis=1)]
     used, local = np.unique(near, return_inverse=True)
-    places = take.positions[frames.numbers][:, used].astype(float)
+    places = np.empty((len(frames.numbers), len(used), 3))
+    for block in frames.blocks(take.positions[0].nbytes):
+        places[block] = take.positions[frames.numbers[block]][:, used]
+        let_go(take.positions)
     normals = vertex_normals(places, local.reshape(near.shape)).astype(float)
     first, second = np.searchsorted(used, ends)
     across = places[:, second] - places[:, first]

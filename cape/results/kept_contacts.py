@@ -1,0 +1,37 @@
+"""The contacts of a run, frame by frame."""
+
+import numpy as np
+
+from cape.measure.contact_points import ContactPoints
+from cape.results.kept import Kept
+
+
+class KeptContacts:
+    """Contacts of frames, added one after the other."""
+
+    def __init__(self) -> None:
+        """Nothing is kept yet."""
+        self._starts = [0]
+        self._points, self._normals = Kept((3,), np.float32), Kept((3,), np.float32)
+        self._depths, self._colliders, self._vertices = Kept((), np.float32), Kept((), np.int32), Kept((), np.int32)
+
+    def add(self, contacts: ContactPoints) -> None:
+        """Add the contacts of a frame."""
+        self._points.add(contacts.points)
+        self._normals.add(contacts.normals)
+        self._depths.add(contacts.depths)
+        self._colliders.add(contacts.colliders)
+        self._vertices.add(contacts.vertices)
+        self._starts.append(self._starts[-1] + len(contacts.points))
+
+    def cut(self, frames: int) -> None:
+        """Keep those of no more than so many of the first frames."""
+        del self._starts[frames + 1 :]
+        for kept in (self._points, self._normals, self._depths, self._colliders, self._vertices):
+            kept.cut(self._starts[-1])
+
+    def all(self, frames: int) -> ContactPoints:
+        """Those of so many of the first frames."""
+        starts = np.array(self._starts[: frames + 1])
+        kept = (self._points, self._normals, self._depths, self._colliders, self._vertices)
+        return ContactPoints(starts, *(each.array()[: starts[-1]] for each in kept))
