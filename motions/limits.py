@@ -9,9 +9,12 @@ LARGEST_NUMBER = 1e9
 """Numbers beyond this are taken for damage: no position or angle needs them, and their products would overflow."""
 SLOWEST, FASTEST = 5.0, 1000.0
 """Frames per second that a motion has, at least and at most."""
-LARGEST_SOLIDS = 2**23
-"""Bytes of a file of solids: four times what the most of them take; TOML is read at a megabyte a second."""
-MOST_COLLIDERS = 10_000
+LARGEST_MARKUP = 2**23
+"""Bytes of a file of solids (TOML) or of a robot (URDF): those are read at a megabyte a second, into fifty times the
+memory."""
+LARGEST_MESH = 2**24
+"""Bytes of a link's mesh: 330,000 triangles as STL, which hitboxes are fitted to in ten seconds."""
+MOST_COLLIDERS = 20_000
 """In a scene or a file: each takes a millisecond a frame to find out whether the cloth can reach it."""
 MOST_DRAWN = 2_000
 """Colliders that are no capsules in a recording, of each two entities: the viewer's files hold some 10,000."""

@@ -2,7 +2,8 @@
 
 Each piece is an object file of its own, named for a digest of all that it depends on: the sources of its module and of
 those that this one imports, the kinds of its arguments, the compiler's versions, the processor. The folder is
-`NUMBA_CACHE_DIR`, or `cape` in the user's cache; where that can't be written, pieces live in memory alone.
+`NUMBA_CACHE_DIR`, or `cape` in the user's cache; where that can't be written, or others may write to it, pieces live
+in memory alone. A piece that is not whole, or not this user's, is made anew.
 """
 
 import contextlib
@@ -12,6 +13,7 @@ import json
 import logging
 import os
 import re
+import stat
 import sys
 import tempfile
 import threading
@@ -168,8 +170,14 @@ def folder() -> Path | None:
     """Where pieces are kept; None where nothing can be, which is said once."""
     named = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     place = Path(named) / "cape"
+    if named.startswith("~"):
+        _tell_that_nothing_is_kept(place, "there is no home folder")
+        return None
     try:
-        place.mkdir(parents=True, exist_ok=True)
+        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if (risk := _risk_of(place)) is not None:
+            _tell_that_nothing_is_kept(place, risk)
+            return None
         with tempfile.TemporaryFile(dir=place):
             pass
     except OSError as error:
@@ -178,19 +186,43 @@ def folder() -> Path | None:
     return place
 
 
+def _risk_of(place: Path) -> str | None:
+    """Why somebody else might put code into a folder, which this user would then run; None where nobody can."""
+    if not hasattr(os, "getuid"):
+        return None
+    found = place.stat()
+    if found.st_uid != os.getuid():
+        return "it belongs to somebody else"
+    # Where the sticky bit is set others may add files, which are not theirs to pass for this user's (`find`).
+    if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not found.st_mode & stat.S_ISVTX:
+        return "others can write to it"
+    return None
+
+
+def _is_own(file: int) -> bool:
+    """Tell whether an open file is this user's."""
+    return not hasattr(os, "getuid") or os.fstat(file).st_uid == os.getuid()
+
+
 @cache
 def _tell_that_nothing_is_kept(place: Path, reason: str | None) -> None:
     log.warning("compiled code can't be kept in %s (%s): it is compiled anew in each run", place, reason)
 
 
 def find(request: Request) -> Piece | None:
-    """A piece that is on disk."""
+    """A piece that is on disk, whole and this user's own; another is thrown away."""
     place = folder()
     if place is None:
         return None
+    path = place / request.file
     try:
-        return Piece.unpack((place / request.file).read_bytes())
-    except (OSError, ValueError):
+        with path.open("rb") as file:
+            if not _is_own(file.fileno()):
+                raise ValueError("compiled code is somebody else's")
+            return Piece.unpack(file.read())
+    except (OSError, ValueError, TypeError):
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)
         return None
 
 

@@ -1,4 +1,5 @@
-"""Meshes that a robot's file names and nobody has: what stands in for them, so that one of them spoils nothing else."""
+"""Meshes that a robot's file names and nobody has, or nobody can use: what stands in for them, so that one of them
+spoils nothing else."""
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
@@ -7,11 +8,14 @@ from pathlib import Path
 from typing import Literal
 from urllib.parse import unquote
 
+from motions.errors import FileError
 from motions.files import printable
+from motions.limits import LARGEST_MESH
 from skeleton.urdf.reader import read_urdf
 
 Kind = Literal["visual", "collision"]
 
+MISSING = "is missing"
 MOST_MISSING = 0.5  # share of a kind's pieces: beyond it the folders are wrong, and not a mesh
 
 
@@ -21,7 +25,7 @@ class Mended:
 
     Attributes:
         text: the file, None where it can stay as it is.
-        missing: link and mesh of each that is missing, and what stands in for it; none where too many are.
+        missing: link and mesh of each that is missing or too large, and what stands in for it; none where too many are.
     """
 
     text: str | None
@@ -40,49 +44,64 @@ def mended(urdf: Path, folders: Sequence[str], kind: Kind) -> Mended:
         kind: whose meshes are wanted.
 
     Raises:
-        FileError: the file can't be read.
+        FileError: the file can't be read, or most of its meshes are too large.
     """
     robot = read_urdf(urdf)
     other: Kind = "collision" if kind == "visual" else "visual"
-    told, pieces, renamed = [], 0, False
-    places = {mesh: _place(mesh.get("filename", ""), urdf, folders) for mesh in robot.iter("mesh")}
-    for mesh, place in places.items():
-        if isinstance(place, Path):
+    told, pieces, large, renamed = [], 0, 0, False
+    lacks: dict[ElementTree.Element, str | None] = {}
+    for mesh in robot.iter("mesh"):
+        place, is_named = _place(mesh.get("filename", ""), urdf, folders)
+        lacks[mesh] = _lacking(place)
+        if place is not None and not is_named:
             mesh.set("filename", str(place))
             renamed = True
     whole = ElementTree.tostring(robot, encoding="unicode") if renamed else None
 
-    def is_missing(piece: ElementTree.Element) -> bool:
+    def lacking(piece: ElementTree.Element) -> str | None:
         mesh = piece.find("geometry/mesh")
-        return mesh is not None and places[mesh] is None
+        return None if mesh is None else lacks[mesh]
 
     for link in robot.iter("link"):
         for piece in link.findall(kind):
             pieces += 1
-            mesh = piece.find("geometry/mesh")
-            if mesh is None or not is_missing(piece):
+            wrong, mesh = lacking(piece), piece.find("geometry/mesh")
+            if mesh is None or wrong is None:
                 continue
-            stand_ins = [found for found in link.findall(other) if not is_missing(found)]
+            large += wrong != MISSING
+            stand_ins = [found for found in link.findall(other) if lacking(found) is None]
             link.remove(piece)
             for found in stand_ins:
                 copy = ElementTree.SubElement(link, kind)
                 copy.extend([part for part in found if part.tag in ("origin", "geometry")])
             words = f"its {other} shape stands in for it" if stand_ins else "it is left out"
             name = printable(mesh.get("filename", ""))
-            told.append(f"the mesh {name} of {printable(link.get('name', ''))} is missing: {words}")
+            told.append(f"the mesh {name} of {printable(link.get('name', ''))} {wrong}: {words}")
+    if large > MOST_MISSING * pieces:
+        raise FileError(f"{urdf}: {told[0].partition(':')[0]}; so are others: export them with fewer triangles")
     if not told or len(told) > MOST_MISSING * pieces:
         return Mended(whole, ())
     return Mended(ElementTree.tostring(robot, encoding="unicode"), tuple(told))
 
 
-def _place(name: str, urdf: Path, folders: Sequence[str]) -> Path | Literal["as named"] | None:
-    """Where a mesh is found that isn't where its name tells; "as named" where it is, or has none, None for nowhere."""
+def _lacking(place: Path | None) -> str | None:
+    """What is wrong with a mesh at a place; None where nothing is."""
+    if place is None:
+        return MISSING
+    size = place.stat().st_size
+    return None if size <= LARGEST_MESH else f"has {size / 2**20:.0f} MB, more than {LARGEST_MESH / 2**20:.0f}"
+
+
+def _place(name: str, urdf: Path, folders: Sequence[str]) -> tuple[Path | None, bool]:
+    """Where a mesh is found, None for nowhere, and whether its name leads there."""
     path = unquote(name.removeprefix("file://"))
     if not name.startswith(("package://", "model://")):
-        return "as named" if not name or (urdf.parent / path).is_file() else None
+        place = urdf.parent / path
+        return (place, True) if name and place.is_file() else (None, True)
     inside = name.partition("://")[2]
-    if any((Path(folder) / inside).is_file() for folder in folders):
-        return "as named"
+    for folder in folders:
+        if (place := Path(folder) / inside).is_file():
+            return place, True
     within = inside.partition("/")[2]
     above = [folder / within for folder in urdf.resolve().parents]
-    return next((place for place in above if within and place.is_file()), None)
+    return next((place for place in above if within and place.is_file()), None), False

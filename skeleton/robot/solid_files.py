@@ -23,7 +23,7 @@ import numpy as np
 
 from motions.errors import FileError, UnknownNameError, UserError
 from motions.files import read_bytes, write_text
-from motions.limits import LARGEST_NUMBER, LARGEST_SOLIDS, MOST_COLLIDERS
+from motions.limits import LARGEST_MARKUP, LARGEST_NUMBER, MOST_COLLIDERS
 from skeleton.shapes import SHAPES, Shape, shape_named, word_of
 
 _COMMON = {"friction": 0, "thickness": 0}
@@ -67,7 +67,7 @@ def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple
             hold.
     """
     try:
-        content = tomllib.loads(read_bytes(Path(path), most=LARGEST_SOLIDS).decode())
+        content = tomllib.loads(read_bytes(Path(path), most=LARGEST_MARKUP).decode())
     except FileError:
         raise
     except RecursionError:

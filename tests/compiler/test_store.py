@@ -16,9 +16,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cape.kernels import store
+from cape.kernels.compiler import internals
 from cape.kernels.contact import shapes
 from cape.kernels.jit import Function, formula_of
 from cape.kernels.store import Piece, Request
+from motions.errors import UserError
 from skeleton.shapes import Box, Plane
 from tests.compiler.functions import scaled, summed
 from tests.support.code import compiled_only
@@ -259,6 +261,59 @@ def test_without_a_folder_to_write_to_all_works_and_it_is_said_once(tmp_path: Pa
     assert record.levelname == "WARNING"
     assert record.getMessage().startswith(f"compiled code can't be kept in {tmp_path / 'own' / 'cape'} (")
     assert record.getMessage().endswith("): it is compiled anew in each run")
+
+
+def test_a_folder_that_others_can_write_to_is_not_used(tmp_path: Path, told: pytest.LogCaptureFixture):
+    place = tmp_path / "own" / "cape"
+    place.mkdir(parents=True)
+    place.chmod(0o777)
+    computes()
+    (record,) = told.records
+    assert record.getMessage().startswith(f"compiled code can't be kept in {place} (others can write to it)")
+    assert list(place.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("mode", "risk"), [(0o700, None), (0o755, None), (0o775, "others"), (0o757, "others"), (0o1777, None)]
+)
+def test_what_makes_a_folder_a_risk(tmp_path: Path, mode: int, risk: str | None, monkeypatch: pytest.MonkeyPatch):
+    tmp_path.chmod(mode)
+    found = store._risk_of(tmp_path)
+    assert found is None if risk is None else found == "others can write to it"
+    monkeypatch.setattr(store.os, "getuid", lambda: tmp_path.stat().st_uid + 1)
+    assert store._risk_of(tmp_path) == "it belongs to somebody else"
+
+
+def test_what_is_somebody_else_s_is_thrown_away_and_made_anew(
+    tmp_path: Path, told: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+):
+    computes()
+    place = tmp_path / "own" / "cape"
+    files = {path.name for path in place.iterdir()}
+    monkeypatch.setattr(store, "_is_own", lambda file: False)
+    for name, empty in (("compiled", []), ("_loaded", {})):
+        monkeypatch.setattr(store, name, empty)
+    computes()
+    assert {path.name for path in place.iterdir()} == files
+    assert told.records == []
+
+
+def test_without_a_home_nothing_is_kept_and_it_is_said(monkeypatch: pytest.MonkeyPatch, told: pytest.LogCaptureFixture):
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(store.os.path, "expanduser", lambda path: path)
+    assert store.folder() is None
+    (record,) = told.records
+    assert "there is no home folder" in record.getMessage()
+
+
+def test_a_numba_without_what_is_used_of_it_is_told_in_a_line():
+    internals.require()
+    lacking = ("numba.core.codegen:JITCodeLibrary.nothing_like_it", "numba.core.nowhere:gone", internals.USED[0])
+    with pytest.raises(
+        UserError, match=r"^numba [\d.]+ can't compile .*: it has no numba.core.codegen.JITCodeLibrary.n.*"
+    ):
+        internals.require(lacking)
 
 
 def test_a_disk_that_becomes_full_is_borne_and_told_once(

@@ -24,14 +24,14 @@ def test_colliders_beyond_the_limit_are_refused_by_a_scene_and_by_a_file(tmp_pat
     path.write_text("".join(TABLE.format(k) for k in range(5)))
     with pytest.raises(FileError, match="holds 5 solids, more than 4"):
         read_solids(path)
-    monkeypatch.setattr("skeleton.robot.solid_files.LARGEST_SOLIDS", 100)
+    monkeypatch.setattr("skeleton.robot.solid_files.LARGEST_MARKUP", 100)
     with pytest.raises(FileError, match="has 0 MB, more than"):
         read_solids(path)
 
 
 def test_many_colliders_with_names_of_their_own_are_looked_at_once():
-    balls = [cape.Sphere(name=f"ball {k}", bone=None, center=np.zeros(3), radius=0.1) for k in range(MOST_COLLIDERS)]
-    assert len(cape.Scene(SHEET, colliders=balls).colliders) == MOST_COLLIDERS
+    balls = [cape.Sphere(name=f"ball {k}", bone=None, center=np.zeros(3), radius=0.1) for k in range(2000)]
+    assert len(cape.Scene(SHEET, colliders=balls).colliders) == 2000
     with pytest.raises(ValueRangeError, match="two colliders are named 'ball 7'"):
         cape.Scene(SHEET, colliders=[*balls[:-1], balls[7]])
 

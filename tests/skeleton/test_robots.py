@@ -401,3 +401,20 @@ def test_bones_are_where_the_files_origins_and_axes_take_them(name):
     for index, bone in enumerate(body.bones):
         assert np.abs(track.positions[0, index] - poses[bone][:3, 3]).max() < 1e-9
         assert np.abs(quaternions.to_matrix(track.rotations_wxyz[0, index]) - poses[bone][:3, :3]).max() < 1e-9
+
+
+def test_a_mesh_that_is_too_large_is_stood_in_for_and_most_of_them_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("skeleton.robot.missing_meshes.LARGEST_MESH", 2**20)
+    (tmp_path / "large.stl").write_bytes(bytes(2**20 + 1))
+    visual = '<visual><geometry><mesh filename="large.stl"/></geometry></visual>'
+    ball = '<collision><geometry><sphere radius="0.25"/></geometry></collision>'
+    box = '<visual><geometry><box size="0.1 0.1 0.4"/></geometry></visual>'
+    path = tmp_path / "one.urdf"
+    path.write_text(f'<robot name="one"><link name="base">{visual}{box}{ball}</link></robot>')
+    body = Skeleton.from_urdf(path)
+    (told,) = missing_meshes(body, "visual")
+    assert told == "the mesh large.stl of base has 1 MB, more than 1: its collision shape stands in for it"
+    assert len(link_surfaces(body, "visual")) == 2
+    path.write_text(f'<robot name="one"><link name="base">{visual}{ball}</link></robot>')
+    with pytest.raises(FileError, match=r"large.stl of base has 1 MB, more than 1; so are others: export them with"):
+        link_surfaces(Skeleton.from_urdf(path), "visual")
