@@ -1,7 +1,9 @@
 """Arrays of numbers from an NPZ file, none of which is made before it is known to be sound."""
 
 import io
+import lzma
 import math
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -16,6 +18,13 @@ from motions.limits import LARGEST_ARRAYS
 
 KINDS = "fiubUS"
 """Of numbers, truth values and texts: numpy's letters."""
+
+
+_DAMAGED = (
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, ValueError, EOFError, OSError, NotImplementedError, RuntimeError,
+    # By the head of an array, which numpy reads as Python's own notation of a dictionary.
+    SyntaxError, TypeError, tokenize.TokenError, MemoryError, OverflowError,
+)  # fmt: skip
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
@@ -42,7 +51,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
                     arrays[name] = np.lib.format.read_array(file, allow_pickle=False)
     except FileError:
         raise
-    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, NotImplementedError, RuntimeError) as error:
+    except _DAMAGED as error:
         raise FileError(f"{path} can't be read as NPZ: {error}") from None
     return arrays
 

@@ -16,6 +16,7 @@ DROP = 1.2  # m of cloth that hang by a thread
 GRAVITY = 9.81  # m/s2
 
 
+MOST = 1e15  # of any property in its unit, and one over the least: beyond it products overflow
 MOST_DAMPING_TIME = 10.0  # s: cloth that takes so long to give way is none
 
 
@@ -72,9 +73,14 @@ class Fabric:
         for name in ("density", "stretch"):
             if not all(0.0 < value < float("inf") for value in self._numbers(name)):
                 raise ValueRangeError(f"fabric {name} must be positive and finite, not {getattr(self, name)}")
+            if not all(value >= 1.0 / MOST for value in self._numbers(name)):
+                raise ValueRangeError(f"fabric {name} must be {1.0 / MOST:g} or more, not {getattr(self, name)}")
         for name in ("shear", "bend", "damping_time", "bend_damping_time"):
             if not all(0.0 <= value < float("inf") for value in self._numbers(name)):
                 raise ValueRangeError(f"fabric {name} must be zero or more and finite, not {getattr(self, name)}")
+        for name in ("density", "stretch", "shear", "bend"):
+            if not all(value <= MOST for value in self._numbers(name)):
+                raise ValueRangeError(f"fabric {name} must be {MOST:g} at most, not {getattr(self, name)}")
         for name in ("damping_time", "bend_damping_time"):
             if self._numbers(name)[0] > MOST_DAMPING_TIME:
                 raise ValueRangeError(

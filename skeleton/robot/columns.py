@@ -128,7 +128,7 @@ def _shared_start(names: list[str]) -> str:
 
 def _are_numbered(header: Sequence[str]) -> bool:
     """Tell whether names are but numbers from 0 or 1 on, with or without a word before them."""
-    found = [re.fullmatch(r"(\D*)(\d+)", name.strip()) for name in header]
+    found = [re.fullmatch(r"(\D*)(\d{1,9})", name.strip()) for name in header]
     if not all(found):
         return False
     numbers = [int(match[2]) for match in found if match]

@@ -1,6 +1,7 @@
 """Meshes that a robot's file names and nobody has, or nobody can use: what stands in for them, so that one of them
 spoils nothing else."""
 
+import os
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -94,14 +95,14 @@ def _lacking(place: Path | None) -> str | None:
 
 def _place(name: str, urdf: Path, folders: Sequence[str]) -> tuple[Path | None, bool]:
     """Where a mesh is found, None for nowhere, and whether its name leads there."""
-    path = unquote(name.removeprefix("file://"))
+    path = unquote(name.removeprefix("file://"))  # any text: of one that can be no path os.path tells that it is none
     if not name.startswith(("package://", "model://")):
         place = urdf.parent / path
-        return (place, True) if name and place.is_file() else (None, True)
+        return (place, True) if name and os.path.isfile(place) else (None, True)
     inside = name.partition("://")[2]
     for folder in folders:
-        if (place := Path(folder) / inside).is_file():
+        if os.path.isfile(place := Path(folder) / inside):
             return place, True
     within = inside.partition("/")[2]
     above = [folder / within for folder in urdf.resolve().parents]
-    return next((place for place in above if within and place.is_file()), None), False
+    return next((place for place in above if within and os.path.isfile(place)), None), False

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from motions.errors import FileError
 from motions.files import printable, read_bytes
+from motions.limits import LARGEST_MARKUP
 
 if TYPE_CHECKING:
     import pinocchio
@@ -27,7 +28,7 @@ def read_urdf(path: Path) -> ElementTree.Element:
     Raises:
         FileError: it is missing, no XML, or another format; says what to do.
     """
-    content = read_bytes(path)
+    content = read_bytes(path, most=LARGEST_MARKUP)
     try:
         robot = ElementTree.fromstring(content)
         is_xacro = any("xacro" in element.tag for element in robot.iter())
@@ -57,6 +58,7 @@ def model_of_urdf(path: Path, *, floating_base: bool) -> "pinocchio.Model":
             floats = [joint.shortname() for joint in model.joints.tolist()[1:2]] == ["JointModelFreeFlyer"]
             if floating_base and not floats:
                 model = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
+            _ = model.name, tuple(model.names), [frame.name for frame in model.frames]  # are they texts?
         except (ValueError, RuntimeError) as error:
             problem = said() or " ".join(str(error).split())
             raise FileError(f"{path} can't be read as URDF: {printable(problem)}") from None

@@ -14,6 +14,7 @@ from motions.errors import UserError
 SHEET = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.25)
 OTHER = cape.Cloth.rectangle(width=2.0, height=1.0, spacing=0.25)
 SCENE = cape.Scene(SHEET, [cape.attach(SHEET, "rod", "top")])
+STIFF = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.25, fabric=cape.Fabric(stretch=1e12))
 AT_REST = {"rod": (np.zeros(3), [1.0, 0.0, 0.0, 0.0])}
 
 
@@ -28,6 +29,11 @@ WRONG = {
     "vertices beyond the cloth": lambda: cape.Scene(SHEET, [cape.Attachment("rod", np.array([10_000]))]),
     "damping for weeks": lambda: cape.Fabric(damping_time=1e6),
     "damping of bending for weeks": lambda: cape.Fabric(bend_damping_time=1e6),
+    "threads beyond any number": lambda: cape.Fabric(stretch=1e300),
+    "hardly any mass": lambda: cape.Fabric(density=1e-300),
+    "more steps than anyone waits for": lambda: cape.Simulation(
+        cape.Scene(STIFF, [cape.attach(STIFF, "rod", "top")])
+    ).start(AT_REST),
     "a mesh of atoms": lambda: cape.Cloth.from_mesh(1e-30 * np.eye(3), [[0, 1, 2]]),
     "a mesh of galaxies": lambda: cape.Cloth.from_mesh(1e308 * np.eye(3), [[0, 1, 2]]),
     "an origin that is none": lambda: cape.Cloth.rectangle(spacing=0.25, origin=(math.nan, 0.0, 0.0)),
