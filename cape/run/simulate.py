@@ -16,7 +16,7 @@ from cape.run.auto import Auto, AutoSimulation
 from cape.run.frames import Frames, Times
 from cape.run.looping import Laps
 from cape.run.notes import MANY, SlowWarning, forewarn, notes_on
-from cape.run.simulation import DEFAULT_CUTS, Diverged, Simulation
+from cape.run.simulation import DEFAULT_CUTS, Simulation
 from cape.run.whereabouts import Diverged
 from cape.scene.jumps import Cuts
 from cape.scene.loops import round_of
