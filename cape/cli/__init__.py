@@ -1,5 +1,6 @@
 """The command `cape`."""
 
+import errno
 import os
 import signal
 import sys
@@ -46,6 +47,7 @@ def _run() -> int:
     command = typer.main.get_command(app)
     try:
         status = command.main(prog_name="cape", standalone_mode=False)
+        sys.stdout.flush()
     finally:
         telling.close()
     return status if isinstance(status, int) else 0
@@ -62,6 +64,10 @@ def _status_of(error: BaseException) -> int:
         return _tell(f"{error.format_message()} (cape --help tells what there is)", 2)
     if isinstance(error, BrokenPipeError):
         return 1
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EIO):
+        # What is left in the buffer would fail once more as the process ends.
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+        return _tell(f"can't write all that there is to tell: {error.strerror}", 1)
     if isinstance(error, typer.Abort):
         return INTERRUPTED
     raise error
