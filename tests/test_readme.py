@@ -1,4 +1,4 @@
-"""Every example in the README runs as it stands there."""
+"""Every example in the README, and every script that it names, runs as it stands there."""
 
 import re
 import shutil
@@ -12,15 +12,26 @@ import motions
 
 README = Path(__file__).parents[1] / "README.md"
 EXAMPLES = re.findall(r"^```python\n(.*?)^```$", README.read_text(), flags=re.DOTALL | re.MULTILINE)
+SCRIPTS = sorted((README.parent / "tests" / "examples").glob("[!_]*.py"))
+
+
+def check(example: str, folder: Path) -> None:
+    shutil.copy(motions.clip_path("walk"), folder / "walk.bvh")
+    done = subprocess.run([sys.executable, "-c", example], cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip()
+    assert (folder / "walk.rrd").exists() == ("walk.rrd" in example)
 
 
 @pytest.mark.parametrize("number", range(len(EXAMPLES)))
 def test_example_runs(number, tmp_path):
-    shutil.copy(motions.clip_path("walk"), tmp_path / "walk.bvh")
-    done = subprocess.run([sys.executable, "-c", EXAMPLES[number]], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip()
-    assert (tmp_path / "walk.rrd").exists() == ("walk.rrd" in EXAMPLES[number])
+    check(EXAMPLES[number], tmp_path)
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_script_runs_and_is_named(script: Path, tmp_path: Path):
+    check(script.read_text(), tmp_path)
+    assert f"(tests/examples/{script.name})" in README.read_text()
 
 
 def test_commands_in_the_readme_exist():

@@ -60,6 +60,8 @@ def _status_of(error: BaseException) -> int:
 
     if isinstance(error, UserError):
         return _tell(error.at_command_line, 2)
+    if isinstance(error, ImportError) and error.name == "numba":
+        return _tell(str(error), 2)
     if isinstance(error, TyperException):
         return _tell(f"{error.format_message()} (cape --help tells what there is)", 2)
     if isinstance(error, BrokenPipeError):

@@ -10,7 +10,7 @@ from tests.support.arrangements import arrangement
 from tests.support.contact_judge import run
 from tests.support.scenes import both_by_default
 
-COUNT, CHUNK, ALL = 40, 20, 500
+COUNT, CHUNK, ALL = 20, 10, 500
 
 
 def check(solver: Solver, first: int):

@@ -1,7 +1,6 @@
 """Cloths other than capes, on any bone: skirts, banners, several on one character, bones of another simulator."""
 
 import math
-import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -227,12 +226,7 @@ def test_takes_that_do_not_belong_together_are_refused(tmp_path):
 
 
 def test_the_bodies_of_mujoco_need_no_pinocchio(tmp_path):
-    readme = (Path(__file__).parents[2] / "README.md").read_text()
-    (example,) = (
-        text
-        for text in re.findall(r"^```python\n(.*?)^```$", readme, re.DOTALL | re.MULTILINE)
-        if "import mujoco" in text
-    )
+    example = (Path(__file__).parents[1] / "examples" / "mujoco_bodies.py").read_text()
     ending = """
 import sys
 position, turn = bodies()["forearm"]

@@ -26,18 +26,17 @@ def require(used: Iterable[str] = USED) -> None:
     """Look whether all is there.
 
     Raises:
-        UserError: something is not.
+        ImportError: something is not; its `name` is numba.
     """
     missing = [each for each in used if not _is_there(each)]
     if missing:
         raise unfit("it has no " + ", ".join(each.replace(":", ".") for each in missing))
 
 
-def unfit(reason: object) -> Exception:
-    """The `UserError` of a numba that can't be used."""
-    from motions.errors import UserError  # with much else, which helpers that compile never need
-
-    return UserError(f"numba {version('numba')} can't compile the cloth solver, use 0.65 or another: {reason}")
+def unfit(reason: object) -> ImportError:
+    """The error of a numba that can't be used."""
+    told = f"numba {version('numba')} can't compile the cloth solver, use 0.65 or another: {reason}"
+    return ImportError(told, name="numba")
 
 
 def _is_there(used: str) -> bool:

@@ -14,7 +14,7 @@ import motions
 from motions.errors import UserError
 from skeleton import Skeleton, column_names, load_configurations, missing_meshes
 from skeleton.robot.solid_files import read_solids
-from tests.support.fuzzing import fuzz
+from tests.skeleton.files.fuzzing import fuzz
 
 BVH = b"""HIERARCHY
 ROOT Hips
