@@ -1,6 +1,6 @@
 """Cost of XPBD on a grid and on meshes, in nanoseconds per vertex and substep, beside a scalar loop.
 
-    python -m tests.bench.xpbd
+    python -m tests.bench.solvers.xpbd
 
 The scalar loop is the textbook's: positions as unknowns, one constraint after the other as they come, compiled with the
 kernels' own options. All have springs and bending, both damped, and neither air nor contact; on the last mesh, an
