@@ -287,6 +287,11 @@ _CASES = (
     Case("slivers", "triangles 50 times as long as high", lambda: hung(cloth=_slivers())),
     Case("unsewn", "two halves with vertices of their own along the seam", lambda: hung(cloth=_unsewn())),
     Case("stormy", "in a wind of 40 m/s", lambda: hung(wind=Wind(velocity=(40.0, 0.0, 0.0)))),
+    Case(
+        "gusty",
+        "in gusts and eddies of 15 m/s",
+        lambda: hung(wind=Wind(velocity=(15.0, 0.0, 0.0), gusts=0.5, turbulence=4.0)),
+    ),
     Case("shaken", "three times a second by half a metre", _shaken),
     Case("jerky", "10 frames a second", lambda: _at(10.0)),
     Case("swift", "240 frames a second", lambda: _at(240.0)),
