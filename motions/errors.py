@@ -26,12 +26,12 @@ class UnknownNameError(UserError):
     """A name that is not among the ones that exist."""
 
     def __init__(self, kind: str, name: str, available: Iterable[str], hint: str = ""):
-        """State that `name` is no `kind`, which of the `available` ones is meant, list them, close with the `hint`."""
+        """State that `name` is no `kind`, list the `available` ones, tell which is meant, close with the `hint`."""
         known = list(available)
         like = likeliest(name, known)
-        meant = f", did you mean {like!r}?" if like else ";"
+        meant = f"; did you mean {like!r}?" if like else "." if hint else ""
         listed = ", ".join(known) or "none"
-        super().__init__(f"no {kind} named {name!r}{meant} available: {listed}" + (f". {hint}" if hint else ""))
+        super().__init__(f"no {kind} named {name!r}; available: {listed}{meant}" + (f" {hint}" if hint else ""))
 
 
 def likeliest(name: str, available: Iterable[str]) -> str | None:

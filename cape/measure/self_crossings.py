@@ -6,9 +6,11 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+EDGES = ((0, 1), (1, 2), (2, 0))  # corners of a triangle
+
 
 def self_crossings(positions: NDArray[np.floating], triangles: NDArray[np.integer]) -> IntArray:
-    """Find the pairs of triangles, without a common vertex, of which an edge of one passes through the other.
+    """Find the pairs of triangles of which an edge of one, that has no vertex of the other, passes through that.
 
     Args:
         positions: of the vertices [m], shape (V, 3).
@@ -19,9 +21,9 @@ def self_crossings(positions: NDArray[np.floating], triangles: NDArray[np.intege
     """
     corners = np.asarray(positions, dtype=float)[triangles]
     first, second = _near(corners)
-    shared = (triangles[first][:, :, None] == triangles[second][:, None, :]).any(axis=(1, 2))
-    first, second = first[~shared], second[~shared]
-    through = _is_pierced(corners[first], corners[second]) | _is_pierced(corners[second], corners[first])
+    here, there = triangles[first], triangles[second]
+    through = _is_pierced(corners[first], corners[second], _are_apart(here, there))
+    through |= _is_pierced(corners[second], corners[first], _are_apart(there, here))
     return np.stack([first[through], second[through]], axis=1)
 
 
@@ -50,14 +52,20 @@ def _near(corners: FloatArray) -> tuple[IntArray, IntArray]:
     return first[overlap], second[overlap]
 
 
-def _is_pierced(triangles: FloatArray, others: FloatArray) -> NDArray[np.bool_]:
-    """Tell of each triangle (n, 3, 3) whether an edge of its other (n, 3, 3) passes through its inside."""
+def _are_apart(triangles: NDArray[np.integer], others: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """Tell which edges of other triangles (n, 3), each after `EDGES`, have no vertex of triangles (n, 3); (n, 3)."""
+    common = (others[:, :, None] == triangles[:, None, :]).any(axis=2)
+    return np.stack([~(common[:, i] | common[:, j]) for i, j in EDGES], axis=1)
+
+
+def _is_pierced(triangles: FloatArray, others: FloatArray, apart: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell of each triangle (n, 3, 3) whether one of some edges (n, 3) of its other (n, 3, 3) is through its inside."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     normal = np.cross(b - a, c - a)
     heights = np.einsum("nij,nj->ni", others - a[:, None], normal)
     pierced = np.zeros(len(triangles), dtype=bool)
-    for i, j in ((0, 1), (1, 2), (2, 0)):
-        candidates = np.flatnonzero(heights[:, i] * heights[:, j] < 0.0)
+    for k, (i, j) in enumerate(EDGES):
+        candidates = np.flatnonzero(apart[:, k] & (heights[:, i] * heights[:, j] < 0.0))
         above, below = heights[candidates, i], heights[candidates, j]
         start, end = others[candidates, i], others[candidates, j]
         point = start + (above / (above - below))[:, None] * (end - start)

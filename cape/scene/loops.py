@@ -13,6 +13,7 @@ FloatArray = NDArray[np.float64]
 
 ALIKE = 0.05  # m from where its bones would go on, within which a motion is taken to begin again
 BESIDE = 0.1  # m from a bone's origin, at which places tell how it is turned
+ROUNDING = 1e-9  # m
 REPEATED = 0.5  # share of the gap after a step, below which a last frame is the first one once more
 
 
@@ -70,7 +71,8 @@ def round_of(track: BoneTrack) -> tuple[BoneTrack, Travel]:
     """
     places = _places(track)
     step = _travel(track, places[0] - 0.5 * (places[1] - places[0]), places[-1] + 0.5 * (places[-1] - places[-2]))
-    if track.frames > 2 and _travel(track, places[0], places[-1]).gap < REPEATED * step.gap:
+    # Where any two poses fit each other, as those of one level bone do, that tells nothing but rounding.
+    if track.frames > 2 and step.gap > ROUNDING and _travel(track, places[0], places[-1]).gap < REPEATED * step.gap:
         return round_of(track.first(track.frames - 1))
     return track, step
 
