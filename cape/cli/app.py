@@ -1,12 +1,12 @@
 """Commands and their options; what they do stands in a module each."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cape.cli.options import Hitboxes, Json, Layers, Output, Robot, Spawn, cut, gathered, motion
+from cape.cli.options import Hitboxes, Json, Layers, Output, Robot, Scene, Spawn, Tab, cut, gathered, motion
+from cape.cli.scenes.commands import scene_files
 
 if TYPE_CHECKING:
     from cape.cli.commands.replay import Cut
@@ -37,11 +37,16 @@ def any_command(
     """What all commands share."""
 
 
+app.add_typer(scene_files, name="scene")
+
+
 @app.command()
 @gathered(reading=motion, cape=cut)
 def replay(
+    context: typer.Context,
     reading: "Reading",
     cape: "Cut",
+    scene: Scene = None,
     output: Output = None,
     hitboxes: Hitboxes = None,
     layers: Layers = None,
@@ -52,22 +57,27 @@ def replay(
             help="Measure the error of the time step, and apart from the solver how deep vertices and faces are.",
         ),
     ] = False,
+    tab: Tab = "cape",
     spawn: Spawn = False,
     json: Json = False,
 ) -> int:
     """Simulate a cape on a character that moves as the clip tells (walk, if none is given), and record it."""
     from cape.cli.commands.replay import run
+    from cape.cli.scenes.option import telling
 
-    return run(
-        _or_walk(reading),
-        cape,
-        output=output,
-        hitboxes=hitboxes,
-        layers=_split(layers),
-        check=check,
-        spawn=spawn,
-        json=json,
-    )
+    with telling(context, scene):
+        return run(
+            reading,
+            cape,
+            scene=scene,
+            tab=tab,
+            output=output,
+            hitboxes=hitboxes,
+            layers=_split(layers),
+            check=check,
+            spawn=spawn,
+            json=json,
+        )
 
 
 @app.command()
@@ -108,7 +118,7 @@ def render(
     from cape.cli.commands.render import Shots, run
 
     shots = Shots.asked(view=view, times=at or [], sides=side or [], size=size, film_fps=film_fps)
-    return run(_or_walk(reading), cape, shots, output=output, hitboxes=hitboxes)
+    return run(reading.or_walk(), cape, shots, output=output, hitboxes=hitboxes)
 
 
 @app.command()
@@ -137,6 +147,14 @@ def clips() -> int:
     from cape.cli.commands.info import list_clips
 
     return list_clips()
+
+
+@app.command()
+def scenes(json: Json = False) -> int:
+    """List the scenes that cape replay --scene knows by name."""
+    from cape.cli.commands.scenes import list_scenes
+
+    return list_scenes(json=json)
 
 
 @app.command()
@@ -239,10 +257,6 @@ def gallery(
     from cape.cli.commands.gallery import run
 
     return run(output, garments=garment or [], fabrics=fabric or [], clips=clip or [], robot=robot)
-
-
-def _or_walk(reading: "Reading") -> "Reading":
-    return replace(reading, clip="walk") if reading.clip is None and reading.script is None else reading
 
 
 def _split(layers: str | None) -> list[str] | None:

@@ -7,18 +7,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cape.cli import marks
+from cape.cli.marks import MayBeFile, OneOf
+
 if TYPE_CHECKING:
     from cape.cli.commands.replay import Cut
     from cape.cli.reading import Reading
 
 CLIP_HELP = "A BVH file, the name of a shipped clip (cape clips lists them), or a robot's motion (CSV, NPZ)."
-Clip = Annotated[str | None, typer.Argument(help=CLIP_HELP, show_default=False)]
+Clip = Annotated[str | None, typer.Argument(help=CLIP_HELP, show_default=False), MayBeFile()]
 Script = Annotated[
     str | None,
     typer.Option(
         metavar="STEPS",
         help='Clips to join, in place of CLIP; without a time one plays once: "idle 2s, walk 3s, kick".',
     ),
+    MayBeFile(script=True),
 ]
 Output = Annotated[Path | None, typer.Option("-o", "--output", help="The recording; by default CLIP.rrd, here.")]
 Unit = Annotated[str | None, typer.Option(help="Unit of the file: m, cm, mm, inch, cmu, or metres per unit.")]
@@ -31,6 +35,7 @@ Attach = Annotated[
 Robot = Annotated[
     str | None,
     typer.Option("--skeleton", metavar="ROBOT", help="A robot that makes the motion: a URDF file, or a name like g1."),
+    MayBeFile(),
 ]
 Rate = Annotated[
     float | None,
@@ -49,20 +54,52 @@ Hitboxes = Annotated[
         help="Of a robot: limbs (the default) or all, fitted to its meshes. Of anyone: body, by human proportions, "
         "or a TOML file.",
     ),
+    MayBeFile(),
+]
+Layers = Annotated[
+    str | None,
+    typer.Option(help="Layers to record, separated by commas; by default all."),
+    OneOf(marks.layers, separator=","),
 ]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Tell all that there is to tell, however long it is.")]
-Layers = Annotated[str | None, typer.Option(help="Layers to record, separated by commas; by default all.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 Spawn = Annotated[bool, typer.Option("--spawn", help="Open the recording in the Rerun viewer.")]
+Tab = Annotated[
+    str,
+    typer.Option(help="Which tab the recording opens with: cape or hitboxes."),
+    OneOf(lambda: ("cape", "hitboxes")),
+]
 Start = Annotated[float | None, typer.Option(help="Begin at this time of the clip [s].")]
 End = Annotated[float | None, typer.Option(help="End at this time of the clip [s].")]
 Fps = Annotated[float | None, typer.Option(help="Frames per second; by default the clip's own, 60 at most.")]
+
+
+def _scene(context: typer.Context, text: str | None) -> Any:
+    from cape.cli.scenes.option import take_options
+
+    return take_options(context, text)
+
+
+Scene = Annotated[
+    Any,
+    typer.Option(
+        "--scene",
+        metavar="FILE",
+        parser=str,
+        is_eager=True,
+        callback=_scene,
+        help="A scene file (cape scene init writes one), or a scene's name (cape scenes lists them); further options "
+        "override what it says.",
+    ),
+]
 
 
 def gathered(
     *, leave_out: tuple[str, ...] = (), **kinds: Callable[..., Any]
 ) -> Callable[[Callable[..., int]], Callable[..., int]]:
     """Give a command all options of some kinds; it gets what each kind makes of its own.
+
+    A command that takes its context may be given a scene, whose options give way to those of the command line.
 
     Args:
         leave_out: options of these kinds that the command has no use for.
@@ -79,7 +116,13 @@ def gathered(
                 of_kind[own.name] = [p.name for p in taken]
             parameters += [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in taken]
 
+        context = next((p.name for p in parameters if p.annotation is typer.Context), None)
+
         def run(**given: Any) -> int:
+            if context is not None:
+                from cape.cli.scenes.option import without_rivals
+
+                given = without_rivals(given[context], given)
             made = {name: kinds[name](**{own: given.pop(own) for own in names}) for name, names in of_kind.items()}
             return command(**made, **given)
 
@@ -128,14 +171,25 @@ def motion(
 
 
 def cut(
-    garment: Annotated[str, typer.Option(help="What is worn (cape garments lists them).")] = "shoulder_cape",
-    fabric: Annotated[str, typer.Option(help="Name of a fabric (cape fabrics lists them).")] = "cape",
+    garment: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What is worn (cape garments lists them), by default a shoulder_cape; repeated, the outermost first, "
+            "for garments that are worn over each other."
+        ),
+        OneOf(marks.garments),
+    ] = None,
+    fabric: Annotated[
+        str, typer.Option(help="Name of a fabric (cape fabrics lists them)."), OneOf(marks.fabrics)
+    ] = "cape",
     spacing: Annotated[
         float | None, typer.Option(help="Mean distance of the cloth's vertices [m]; by default for 1,500 of them.")
     ] = None,
     length: Annotated[float | None, typer.Option(help="Length of the garment [m]; by default its own.")] = None,
     solver: Annotated[
-        str | None, typer.Option(help="euler (the default), xpbd, backward_euler, tr_bdf2, or auto to have one chosen.")
+        str | None,
+        typer.Option(help="euler (the default), xpbd, backward_euler, tr_bdf2, or auto to have one chosen."),
+        OneOf(marks.solvers),
     ] = None,
     substeps: Annotated[int | None, typer.Option(help="Steps per frame; by default as many as needed.")] = None,
     tolerance: Annotated[
@@ -164,6 +218,7 @@ def cut(
     cuts: Annotated[
         str,
         typer.Option(help="Where the bones jump, carry the cape along or reset it; off takes jumps as motion."),
+        OneOf(marks.cuts),
     ] = "carry",
     self_contact: Annotated[
         bool | None,
@@ -194,7 +249,7 @@ def cut(
     from cape.cli.commands.replay import Cut
 
     return Cut(
-        garment=garment,
+        garments=tuple(garment or ()),
         fabric=fabric,
         spacing=spacing,
         length=length,

@@ -42,6 +42,10 @@ class Reading:
         """What is read, as far as it is files."""
         return self.clip, self.skeleton
 
+    def or_walk(self) -> "Reading":
+        """The same, of the walk that comes along where there is neither a clip nor a script."""
+        return replace(self, clip="walk") if self.clip is None and self.script is None else self
+
     @property
     def frame_rate(self) -> float | None:
         """The frames per second that were asked for.

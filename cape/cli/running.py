@@ -6,11 +6,11 @@ import sys
 import threading
 import warnings
 from contextlib import contextmanager, suppress
+from typing import Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cape.cli.character import Character
 from cape.cli.compiling_told import telling
 from cape.cli.words import gathered
 from cape.results.take import Take
@@ -23,13 +23,26 @@ from cape.scene.scene import Scene
 from cape.solvers import Solver
 from motions.errors import ValueRangeError
 from motions.files import printable
+from skeleton import BoneTrack
+
+
+class Moving(Protocol):
+    """What moves: its name, the motion of its bones, and what had to be decided about both, a sentence each."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+    @property
+    def track(self) -> BoneTrack: ...  # noqa: D102
+    @property
+    def decisions(self) -> tuple[str, ...]: ...  # noqa: D102
+
 
 BEFORE = "putting the cape on"
 
 
 def simulated(
     scene: Scene,
-    who: Character,
+    who: Moving,
     *,
     solver: Solver | Auto | None = None,
     cuts: Cuts | None = DEFAULT_CUTS,

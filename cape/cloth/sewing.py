@@ -54,7 +54,7 @@ def sewn(panels: Sequence[Panel], *, fabric: Fabric) -> MeshCloth:
     starts = np.cumsum([0, *(panel.places.size // 3 for panel in panels)])
     cells = [_cells(panel) for panel in panels]
     faces = np.concatenate([start + triangles for start, (triangles, _) in zip(starts, cells, strict=False)])
-    corners = _along_threads(places[faces], threads[faces])
+    corners = along_threads(places[faces], threads[faces])
     number = _numbers(places, np.unique(faces))
     first = np.unique(number[number >= 0], return_index=True)[1]
     own = np.flatnonzero(number >= 0)[first]
@@ -106,7 +106,7 @@ def _corners(panel: Panel) -> tuple[tuple[IntArray, ...], NDArray[np.bool_]]:
     return (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]), kept
 
 
-def _along_threads(points: FloatArray, threads: FloatArray) -> FloatArray:
+def along_threads(points: FloatArray, threads: FloatArray) -> FloatArray:
     """Triangles (T, 3, 3) laid flat [m], with the weft where the first of their thread coordinates (T, 3, 2) grows.
 
     Where weft and warp are not square to each other in the plane of a triangle, both are off by as much.

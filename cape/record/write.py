@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 
+from cape.outfits.combined import takes_apart
 from cape.record.blueprint import layout
 from cape.record.contacts import BYTES_PER_CONTACT, log_contacts
 from cape.record.figure.body import log_body
@@ -42,7 +43,7 @@ def save(
     """Write a take, or several of one motion, as a recording for the Rerun viewer.
 
     Frames with a position that isn't finite are left out, with a warning. The file takes its name when it is complete;
-    until then one that is there stays as it is.
+    until then one that is there stays as it is. Of garments that are worn together each is a cloth of its own.
 
     Args:
         take: what to write; or takes of different names, of cloths that hang on the same bones. These end with the
@@ -58,7 +59,7 @@ def save(
         FileError: the file can't be written.
     """
     asked = _with_surfaces(check_layers(layers), surfaces)
-    worn = worn_of([take] if isinstance(take, Take) else take)
+    worn = worn_of([part for one in ([take] if isinstance(take, Take) else take) for part in takes_apart(one)])
     frames = _finite_frames(worn.name, worn.bones, worn.positions)
     size = OVERHEAD + (2 * sum(each.nbytes for each in worn.positions) if "cape" in asked else 0)
     if "contacts" in asked:

@@ -31,6 +31,7 @@ def dress(
     track: BoneTrack,
     *,
     garment: str = registry.DEFAULT,
+    garments: Sequence[str] | None = None,
     length: float | None = None,
     flare: float | None = None,
     spacing: float | None = None,
@@ -47,6 +48,8 @@ def dress(
         body: the character.
         track: its motion, of all bones.
         garment: which of `GARMENTS`.
+        garments: several of them in its place, worn together, the outermost first: they meet each other as layers of
+            one cloth (`cape.outfits`). Length, flare and hold are then those of the outermost.
         length: of the garment [m], down from where it is held; None for its own, as 0.62 of the body's height, or
             as much as there is room above the floor for a body that goes on all fours throughout. A sash has none but
             that which it takes around the body.
@@ -63,10 +66,17 @@ def dress(
             {"collar": "neck"}: in place of the bone that does by itself, if any. What another part already holds stays.
 
     Raises:
-        ValueRangeError: a size is out of range.
+        ValueRangeError: a size is out of range, or garments can't be worn over each other.
         UnknownNameError: there is no such garment, it has no such region, or the body no such bone; or it has no
             shoulders, upper arms, chest, pelvis or head, as far as the garment needs them, that are known by name.
     """
+    if garments is not None:
+        from cape.outfits.dressing import dress_in
+
+        return dress_in(
+            body, track, garments, length=length, flare=flare, spacing=spacing, fabric=fabric, colliders=colliders,
+            wind=wind, self_contact=self_contact, strain_limit=strain_limit, hold=hold,
+        )  # fmt: skip
     kind = registry.garment(garment)
     body.require_roles((*WEARER_ROLES, *FRAME_ROLES))
     colliders = body.capsules() if colliders is None else tuple(colliders)

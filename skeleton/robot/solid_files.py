@@ -52,7 +52,7 @@ def write_solids(path: str | Path, robot: str, solids: Sequence[Shape], remarks:
         UnknownNameError: a solid is of no shape in `skeleton.shapes.SHAPES`.
     """
     tables = [_table(solid, remarks.get(solid.name)) for solid in solids]
-    write_text(Path(path), "\n".join([_header(), f"robot = {_text(robot)}\n", *tables]))
+    write_text(Path(path), "\n".join([_header(), f"robot = {quoted(robot)}\n", *tables]))
 
 
 def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple[str, tuple[Shape, ...]]:
@@ -85,7 +85,7 @@ def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple
     solids: dict[str, Shape] = {}
     for number, table in enumerate(tables, start=1):
         where = f"{path}: solid {number}" + (f" ({table['name']!r})" if "name" in table else "")
-        solid = _solid(table, where, bones)
+        solid = solid_of(table, where, bones)
         if solid.name in solids:
             raise FileError(f"{where}: there is a solid of that name already")
         solids[solid.name] = solid
@@ -104,9 +104,9 @@ def _table(solid: Shape, remark: str | None) -> str:
         UnknownNameError: it is of no shape in `skeleton.shapes.SHAPES`.
     """
     lines = [] if remark is None else [f"# {line}" for line in remark.splitlines()]
-    lines += ["[[solid]]", f"name = {_text(solid.name)}", f'kind = "{word_of(solid)}"']
+    lines += ["[[solid]]", f"name = {quoted(solid.name)}", f'kind = "{word_of(solid)}"']
     if solid.bone is not None:
-        lines.append(f"bone = {_text(solid.bone)}")
+        lines.append(f"bone = {quoted(solid.bone)}")
     for key in {**solid.numbers, **_COMMON}:
         value = getattr(solid, key)
         if value is not None:
@@ -114,13 +114,18 @@ def _table(solid: Shape, remark: str | None) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _text(text: str) -> str:
-    """A TOML string: JSON's escapes are among TOML's, which besides wants one for DEL."""
+def quoted(text: str) -> str:
+    """A text as a TOML string: JSON's escapes are among TOML's, which besides wants one for DEL."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _solid(table: Mapping[str, Any], where: str, bones: Collection[str] | None) -> Shape:
-    """The solid of a table.
+def solid_of(table: Mapping[str, Any], where: str, bones: Collection[str] | None) -> Shape:
+    """The solid of a table as it stands in a TOML file.
+
+    Args:
+        table: its keys and values.
+        where: what errors begin with.
+        bones: names of the bones that there are; None not to check.
 
     Raises:
         FileError: the table makes no sense.

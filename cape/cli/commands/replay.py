@@ -2,14 +2,14 @@
 
 import json as json_format
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from cape.air.record import read_wind
 from cape.air.wind import Wind
 from cape.assembly.self_contact import contact_thickness
-from cape.cli.character import Character, read_character
+from cape.cli.character import Character
 from cape.cli.figures.checking import check_rows, checked, step_error_facts, step_error_rows
 from cape.cli.figures.fitting import fit_facts, fit_rows
 from cape.cli.figures.looping import loop_facts, loop_rows
@@ -18,11 +18,14 @@ from cape.cli.figures.rows import print_rows
 from cape.cli.output import open_viewer, output_path
 from cape.cli.reading import Reading, named_pairs
 from cape.cli.running import simulated
+from cape.cli.scenes.file import SceneFile
+from cape.cli.scenes.tables import NONE, Tables
+from cape.cli.staging import Staged, staged
 from cape.cli.words import gathered
-from cape.cloth.fabrics import fabric
+from cape.cloth.fabric import Fabric
 from cape.garments import registry
 from cape.measure.self_crossings import share_crossed
-from cape.record import LAYERS
+from cape.record import LAYERS, save
 from cape.record.layers import check_layers
 from cape.results.fit import fit_of
 from cape.results.take import Take
@@ -30,18 +33,19 @@ from cape.run.auto import Auto
 from cape.scene.dress import dress
 from cape.scene.jumps import Cuts
 from cape.scene.scene import Scene
+from cape.scenes.registry import NamedScene
 from cape.solvers import Solver, solver
 from motions.errors import UnknownNameError, ValueRangeError
 
 CUTS = {"carry": Cuts(then="carry"), "reset": Cuts(then="reset"), "off": None}
-
+TABS = ("cape", "hitboxes")
 
 LOOKED_AT = 24  # frames in which it is looked whether layers pass through each other
 
 
 @dataclass(frozen=True)
 class Cut:
-    """The cape and how to simulate it, as asked on the command line."""
+    """The cape and how to simulate it, as asked on the command line, and in the tables of a scene file."""
 
     garment: str = registry.DEFAULT
     fabric: str = "cape"
@@ -62,6 +66,13 @@ class Cut:
     strain_limit: bool = True
     hold: tuple[str, ...] = ()
     loop: bool = False
+    tables: Tables = NONE
+    garments: tuple[str, ...] = ()
+
+    @property
+    def worn(self) -> tuple[str, ...]:
+        """What is worn, the outermost first."""
+        return self.garments or (self.garment,)
 
     def scene(self, who: Character) -> Scene:
         """The cape on a character.
@@ -69,19 +80,30 @@ class Cut:
         Raises:
             UserError: a value is out of range, or the body lacks what wears a cape.
         """
-        return dress(
+        self.tables.require_bones(who.track)
+        scene = dress(
             who.body,
             who.track,
-            garment=self.garment,
+            garment=self.worn[0],
+            garments=self.worn if len(self.worn) > 1 else None,
             length=self.length,
             spacing=self.spacing,
-            fabric=fabric(self.fabric),
-            colliders=who.hitboxes.solids,
+            fabric=self.cloth_fabric(),
+            colliders=(*who.hitboxes.solids, *self.tables.colliders),
             wind=self.air(),
             self_contact=self.self_contact,
             strain_limit=self.strain_limit,
             hold=self._held(),
         )
+        return self.tables.added_to(scene, who.track)
+
+    def cloth_fabric(self) -> Fabric:
+        """What it is made of.
+
+        Raises:
+            UnknownNameError: there is no such fabric.
+        """
+        return self.tables.fabric(self.fabric)
 
     def check(self) -> None:
         """Look at all names and numbers that can be told wrong before a motion is read.
@@ -89,8 +111,9 @@ class Cut:
         Raises:
             UserError: one of them is; its text says which there are.
         """
-        fabric(self.fabric)
-        registry.garment(self.garment)
+        self.cloth_fabric()
+        for name in self.worn:
+            registry.garment(name)
         self.air()
         self._held()
         self.method()
@@ -145,27 +168,25 @@ def run(
     reading: Reading,
     cut: Cut,
     *,
+    scene: SceneFile | NamedScene | None,
     output: Path | None,
     hitboxes: str | None,
     layers: list[str] | None,
     check: bool,
+    tab: str,
     spawn: bool,
     json: bool,
 ) -> int:
     """Simulate, record, report; gives the exit status."""
-    cut.check()
-    check_layers(layers, LAYERS)
-    if output is not None:
-        output_path(output, "", inputs=(*reading.files, hitboxes))
-    who = read_character(reading, hitboxes=hitboxes)
-    path = output_path(output, who.name, inputs=(*reading.files, hitboxes))
-    track, scene = who.track, cut.scene(who)
-    take = simulated(scene, who, solver=cut.method(), cuts=cut.way_at_cuts(), check_steps=check, loop=cut.loop)
+    who, path = prepared(reading, cut, scene=scene, output=output, hitboxes=hitboxes, layers=layers, tab=tab)
+    take = simulated(who.scene, who, solver=cut.method(), cuts=cut.way_at_cuts(), check_steps=check, loop=cut.loop)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        take.save(path, layers=layers, surfaces=who.surfaces)
+        save(take, path, layers=layers, surfaces=who.surfaces, tab=tab)
     notes = [*take.warnings, *(str(w.message) for w in caught if w.category is UserWarning)]
-    facts = _facts(take, scene, len({track.index(bone) for bone in scene.bones}), notes, path)
+    facts = _facts(take, who.scene, len({who.track.index(bone) for bone in who.scene.bones}), notes, path)
+    if len(cut.worn) > 1:
+        facts["garments"] = list(cut.worn)
     if who.retargeted is not None:
         facts["retarget"] = retarget_facts(who.retargeted)
     if check:
@@ -179,6 +200,38 @@ def run(
     if spawn:
         open_viewer(path)
     return 130 if take.result.startswith("stopped") else 0
+
+
+def prepared(
+    reading: Reading,
+    cut: Cut,
+    *,
+    scene: SceneFile | NamedScene | None,
+    output: Path | None,
+    hitboxes: str | None,
+    layers: list[str] | None,
+    tab: str,
+) -> tuple[Staged, Path]:
+    """Look at all that was asked for, and build it: what is simulated, and where it is written.
+
+    Raises:
+        UserError: something can't be read, is out of range, or does not go with the rest.
+    """
+    file = scene if isinstance(scene, SceneFile) else None
+    named = scene if isinstance(scene, NamedScene) else None
+    if file is not None:
+        cut = replace(cut, tables=file.tables)
+    cut.check()
+    check_layers(layers, LAYERS)
+    if tab not in TABS:
+        raise UnknownNameError("tab", tab, TABS)
+    inputs = (*reading.files, hitboxes, None if file is None else file.path)
+    if output is not None:
+        output_path(output, "", inputs=inputs)
+    own_cloth = named is not None and named.make is not None
+    who = staged(reading if own_cloth else reading.or_walk(), cut, scene=named, hitboxes=hitboxes)
+    name = who.name if scene is None else scene.name
+    return who, output_path(output, name, inputs=inputs)
 
 
 def _facts(take: Take, scene: Scene, bones: int, notes: list[str], path: Path) -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""Scene files: what the command line can say, and more, as text to keep."""

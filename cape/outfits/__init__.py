@@ -1,0 +1,1 @@
+"""Garments worn together, one over the other, that meet."""

@@ -1,0 +1,168 @@
+"""Several cloths of one fabric as one, whose parts meet as layers of one cloth do, and its takes apart again."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.springs import springs_of
+from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
+from cape.cloth.sewing import along_threads
+from cape.measure.contact_points import ContactPoints
+from cape.results.take import Take
+from motions.errors import ValueRangeError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+APART = 0.1  # m between the parts in the picture of the pattern
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One of the cloths.
+
+    Attributes:
+        name: what it is called.
+        cloth: as it was cut; its vertices follow those of the parts before it.
+        start: number of its first vertex.
+    """
+
+    name: str
+    cloth: Cloth
+    start: int
+
+    @property
+    def vertices(self) -> slice:
+        """Where its vertices are among those of all."""
+        return slice(self.start, self.start + self.cloth.vertices)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Outfit(MeshCloth):
+    """Cloths that are not sewn together.
+
+    Attributes:
+        parts: the cloths, from the innermost outwards.
+    """
+
+    parts: tuple[Part, ...] = ()
+
+
+def combined(names: Sequence[str], cloths: Sequence[Cloth], places: Sequence[FloatArray]) -> Outfit:
+    """Make one cloth of several of one fabric.
+
+    Regions are called by the part and their own name: "skirt.hem".
+
+    Args:
+        names: of the cloths.
+        cloths: as they were cut, from the innermost outwards.
+        places: where the vertices of each start in the world [m], shape (V, 3).
+
+    Raises:
+        ValueRangeError: there is none, two share a name, or fabrics differ.
+    """
+    if not names or len(set(names)) < len(names):
+        raise ValueRangeError(f"cloths that are worn together need different names, not {', '.join(names) or 'none'}")
+    fabric = cloths[0].fabric
+    if any(cloth.fabric != fabric for cloth in cloths):
+        raise ValueRangeError("cloths that are worn together are of one fabric")
+    meshes = [as_mesh(cloth) for cloth in cloths]
+    starts = np.cumsum([0, *(mesh.vertices for mesh in meshes)]).tolist()
+    lefts = np.cumsum([0.0, *(np.ptp(mesh.pattern[:, 0]) + APART for mesh in meshes)])
+    threads = [None if m.threads is None else m.threads + start for m, start in zip(meshes, starts, strict=False)]
+    return Outfit(
+        pattern=np.concatenate(
+            [m.pattern - m.pattern.min(axis=0) + [left, 0.0] for m, left in zip(meshes, lefts, strict=False)]
+        ),
+        positions=np.concatenate(list(places)),
+        fabric=fabric,
+        layers=np.concatenate([np.ones(len(m.faces)) if m.layers is None else m.layers for m in meshes]),
+        regions={
+            f"{name}.{region}": start + vertices
+            for name, mesh, start in zip(names, meshes, starts, strict=False)
+            for region, vertices in mesh.regions.items()
+        },
+        faces=np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]),
+        corners=np.concatenate([mesh.corners for mesh in meshes]),
+        threads=None if any(t is None for t in threads) else np.concatenate([t for t in threads if t is not None]),
+        parts=tuple(map(Part, names, cloths, starts)),
+    )
+
+
+def as_mesh(cloth: Cloth) -> MeshCloth:
+    """A cloth as a mesh of the same triangles and threads.
+
+    Cloth that is gathered into a cell of a grid counts as that many layers, whose weft resists as well: a mesh knows
+    but one number of layers for both threads.
+    """
+    if isinstance(cloth, MeshCloth):
+        return cloth
+    if not isinstance(cloth, GridCloth):
+        raise TypeError(f"no mesh is known for a {type(cloth).__name__}")
+    index = np.arange(cloth.vertices).reshape(cloth.rows, cloth.columns)
+    faces, corners = cloth.triangles.astype(np.int64), cloth.corners_at_rest
+    if cloth.darted:
+        row, column = np.indices(index.shape)
+        corners = along_threads(corners, np.stack([column.ravel(), row.ravel()], axis=1).astype(float)[faces])
+    layers = np.ones((cloth.rows - 1, cloth.columns - 1))
+    for several in (cloth.layers, cloth.gathers):
+        layers = layers if several is None else layers * several
+    across, down = ((index[:, :-1], index[:, 1:]), (index[:-1], index[1:]))
+    return MeshCloth(
+        pattern=cloth.pattern,
+        positions=cloth.positions,
+        frame=cloth.frame,
+        fabric=cloth.fabric,
+        layers=np.tile(layers.ravel(), 2),
+        regions=cloth.regions,
+        faces=faces,
+        corners=corners,
+        threads=np.concatenate([np.stack([a.ravel(), b.ravel()], axis=1) for a, b in (across, down)]),
+    )
+
+
+def takes_apart(take: Take) -> list[Take]:
+    """The takes of an outfit's parts, the outermost first; of any other cloth the take itself.
+
+    Stretch is each part's own; penetration and energy are those of the outfit.
+    """
+    if not isinstance(take.cloth, Outfit):
+        return [take]
+    return [_of_part(take, part) for part in reversed(take.cloth.parts)]
+
+
+def _of_part(take: Take, part: Part) -> Take:
+    mesh = as_mesh(part.cloth)
+    positions = take.positions[:, part.vertices]
+    springs = springs_of(mesh)
+    first, second, rest = (values[springs.measured] for values in (springs.first, springs.second, springs.rest))
+    strain = np.array(
+        [(np.linalg.norm(frame[first] - frame[second], axis=1) / rest - 1.0).max() for frame in positions.astype(float)]
+    )
+    held = take.held[(take.held >= part.vertices.start) & (take.held < part.vertices.stop)]
+    return replace(
+        take,
+        name=part.name,
+        triangles=part.cloth.triangles,
+        texcoords=part.cloth.texcoords,
+        positions=positions,
+        stretch_max=np.maximum(strain, 0.0),
+        held=held - part.start,
+        contacts=None if take.contacts is None else _contacts_of(take.contacts, part),
+        cloth=part.cloth,
+    )
+
+
+def _contacts_of(contacts: ContactPoints, part: Part) -> ContactPoints:
+    own = (contacts.vertices >= part.vertices.start) & (contacts.vertices < part.vertices.stop)
+    before = np.concatenate([[0], np.cumsum(own)])
+    return ContactPoints(
+        before[contacts.starts],
+        contacts.points[own],
+        contacts.normals[own],
+        contacts.depths[own],
+        contacts.colliders[own],
+        contacts.vertices[own] - np.int32(part.start),
+    )

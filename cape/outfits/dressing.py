@@ -1,0 +1,169 @@
+"""Several garments put on a body, one over the other: each comes to rest around those below it, then they meet.
+
+Each is fitted to a body that is as much thicker as there are garments below it. While it is put on, boxes around these
+keep it off them, band for band. So it lies outside of all that is below it when they are made one cloth, whose layers
+self-contact keeps apart from then on, as it began: on which side of a cloth another one is never changes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.cloth.cloth import Cloth
+from cape.measure.self_crossings import self_crossings
+from cape.outfits.combined import Outfit, Part, combined
+from cape.run.simulation import Simulation
+from cape.run.whereabouts import Diverged
+from cape.scene.colliders import Box
+from cape.scene.dress import dress
+from cape.scene.holding.attachments import Attachment
+from cape.scene.poses import poses_of
+from cape.scene.scene import Scene
+from cape.scene.self_contact import SelfContact
+from motions import quaternions
+from motions.errors import ValueRangeError
+from skeleton.shapes import Bounded
+from skeleton.track import BoneTrack
+
+if TYPE_CHECKING:
+    from skeleton.model import Skeleton
+
+FloatArray = NDArray[np.float64]
+
+ROOM = 0.008  # m from a garment to the one below it as it is put on: more than layers are kept apart
+MOST = 5  # garments
+BAND = 0.06  # m that a box around a garment is high; where what is outside of it is held there is none
+
+
+def dress_in(body: "Skeleton", track: BoneTrack, garments: Sequence[str], **options: Any) -> Scene:
+    """Put several garments on a body, and build the scene in which they meet.
+
+    Args:
+        body: the character.
+        track: its motion, of all bones.
+        garments: which of `GARMENTS`, the outermost first: a cape, over a skirt.
+        options: as of `dress`; length, flare and hold are those of the outermost, self-contact is always on.
+
+    Returns:
+        The scene of an `Outfit`, which starts as its parts have come to rest at the first frame.
+
+    Raises:
+        ValueRangeError: garments are none, too many or worn twice, or one cannot be put on over the others.
+        UnknownNameError: as of `dress`.
+    """
+    if not 0 < len(garments) <= MOST or len(set(garments)) < len(garments):
+        raise ValueRangeError(f"garments are 1 to {MOST}, each worn once, not {', '.join(garments) or 'none'}")
+    names = tuple(reversed(garments))
+    contact = options.pop("self_contact", None)
+    contact = contact if isinstance(contact, SelfContact) else SelfContact()
+    own = {name: options.pop(name, None) for name in ("length", "flare", "hold")}
+    skin = options.pop("colliders", None) or body.capsules()
+    scenes = []
+    for level, name in enumerate(names):
+        colliders = [solid.grown(level * ROOM) if isinstance(solid, Bounded) else solid for solid in skin]
+        more = own if level == len(names) - 1 else {}
+        scenes.append(dress(body, track, garment=name, colliders=colliders, self_contact=contact, **options, **more))
+    thickness = max(scene.thickness for scene in scenes)
+    resting: list[FloatArray] = []
+    below: list[Box] = []
+    for level, scene in enumerate(scenes):
+        held = _heights_held(scene, track)
+        around = [box for box in below if not np.any(np.abs(held - box.center[2]) < BAND)]
+        dressed = replace(scene, thickness=thickness, colliders=(*scene.colliders, *around))
+        try:
+            places = _come_to_rest(dressed, track)
+        except Diverged as error:
+            raise _cannot(names[level], names[:level], str(error)) from error
+        resting.append(places)
+        below += _stand_in(names[level], scene.cloth, places)
+    outfit = combined(names, [scene.cloth for scene in scenes], resting)
+    _require_apart(outfit)
+    parts = list(zip(outfit.parts, scenes, strict=True))
+    return replace(
+        scenes[0],
+        cloth=outfit,
+        attachments=[_of_all(held, part, outfit) for part, scene in parts for held in scene.attachments],
+        confinements=[
+            replace(kept, animated=_of_all(kept.animated, part, outfit))
+            for part, scene in parts
+            for kept in scene.confinements
+        ],
+        thickness=thickness,
+        dressing=None,
+        strain_limit=all(scene.strain_limit for scene in scenes) and outfit.has_threads,
+    )
+
+
+def _of_all(held: Attachment, part: Part, outfit: Outfit) -> Attachment:
+    """What holds a part, as it holds the outfit."""
+    return replace(held, vertices=held.vertices + part.start, cloth_vertices=outfit.vertices)
+
+
+def _heights_held(scene: Scene, track: BoneTrack) -> FloatArray:
+    """How high bones hold vertices at the first frame [m]."""
+    origins, rotations = track.at(0)
+    heights = [np.zeros(0)]
+    for held in scene.attachments:
+        if held.points is not None:
+            bone = track.index(held.bone)
+            heights.append((origins[bone] + quaternions.rotate(rotations[bone], held.points))[:, 2])
+    return np.concatenate(heights)
+
+
+def _come_to_rest(scene: Scene, track: BoneTrack) -> FloatArray:
+    """Where the vertices hang at the first frame [m], shape (V, 3)."""
+    simulation = Simulation(scene)
+    simulation.start(poses_of(track.first(1), simulation.bones)[0])
+    return np.array(simulation.positions, dtype=float)
+
+
+def _stand_in(name: str, cloth: Cloth, places: FloatArray) -> list[Box]:
+    """What others are kept off where a garment is: boxes around what of it is at one height, band for band."""
+    if "waist" not in cloth.regions and "belt" not in cloth.regions:
+        return []
+    low, high = places[:, 2].min(), places[:, 2].max()
+    count = max(1, round((high - low) / BAND))
+    edges = np.linspace(low, high, count + 1)
+    boxes: list[Box] = []
+    for bottom, top in pairwise(edges):
+        # Of the bands beside it, too, so that what leads from one to the next is inside.
+        within = places[(places[:, 2] >= bottom - BAND / 2.0) & (places[:, 2] <= top + BAND / 2.0), :2]
+        if not len(within):
+            continue
+        axes = np.linalg.svd(within - within.mean(axis=0), full_matrices=True)[2]
+        ways = within @ axes.T
+        middle = (ways.min(axis=0) + ways.max(axis=0)) / 2.0 @ axes
+        turn = np.arctan2(axes[0, 1], axes[0, 0]) / 2.0
+        boxes.append(
+            Box(
+                name=f"within {name} at {bottom:.2f} m",
+                center=np.array([*middle, (bottom + top) / 2.0]),
+                half_sizes=np.array([*np.ptp(ways, axis=0) / 2.0, (top - bottom) / 2.0]),
+                rotation_wxyz=np.array([np.cos(turn), 0.0, 0.0, np.sin(turn)]),
+            )
+        )
+    return boxes
+
+
+def _require_apart(outfit: Outfit) -> None:
+    """Look whether the parts pass through each other.
+
+    Raises:
+        ValueRangeError: two do; self-contact would keep them so.
+    """
+    starts = [part.start for part in outfit.parts]
+    owner = np.searchsorted(starts, outfit.faces[:, 0], side="right") - 1
+    pairs = owner[self_crossings(outfit.positions, outfit.triangles)]
+    between = pairs[pairs[:, 0] != pairs[:, 1]]
+    if len(between):
+        inner, outer = sorted(between[0])
+        raise _cannot(outfit.parts[outer].name, [outfit.parts[inner].name], "they pass through each other at the start")
+
+
+def _cannot(outer: str, below: Sequence[str], why: str) -> ValueRangeError:
+    over = f" over the {' and the '.join(below)}" if below else ""
+    return ValueRangeError(f"the {outer} can't be put on{over}: {why}")

@@ -1,0 +1,155 @@
+"""Several cloths as one: the same springs and masses, layers that meet, takes apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cape
+import motions
+import skeleton
+from cape.assembly.springs import springs_of
+from cape.measure.self_crossings import self_crossings
+from cape.outfits.combined import Outfit, as_mesh, combined, takes_apart
+from cape.record import save
+from cape.scene.standard_scenes import frame_times, track_of
+from motions.errors import UnknownNameError, ValueRangeError
+from tests.record.test_record import Recording
+
+
+@pytest.fixture(scope="module")
+def walker() -> tuple[skeleton.Skeleton, skeleton.BoneTrack]:
+    clip = motions.load("walk").trim(0.0, 0.1)
+    body = skeleton.Skeleton.from_clip(clip)
+    return body, body.track(clip)
+
+
+def sheet(size: float = 0.5, height: float = 0.0, spacing: float = 0.05) -> cape.GridCloth:
+    return cape.Cloth.rectangle(
+        width=size, height=size, spacing=spacing, origin=(-size / 2, -size / 2, height), right=(0, 1, 0), down=(1, 0, 0)
+    )
+
+
+@pytest.mark.parametrize("garment", ["back_cape", "shoulder_cape"])
+def test_a_mesh_of_a_grid_has_its_masses_its_threads_and_their_lengths(garment, walker):
+    grid = cape.dress(*walker, garment=garment, spacing=0.08).cloth
+    assert isinstance(grid, cape.GridCloth)
+    mesh = as_mesh(grid)
+    # A gathered cell has more warp than weft: that its triangles tell their own masses is all that may differ.
+    np.testing.assert_allclose(mesh.masses(), grid.masses(), rtol=1e-9)
+    assert np.array_equal(mesh.triangles, grid.triangles)
+    assert mesh.threads is not None
+    assert len(mesh.threads) == grid.rows * (grid.columns - 1) + grid.columns * (grid.rows - 1)
+    for corners, own in zip(mesh.corners, grid.corners_at_rest, strict=True):
+        for first, second in ((0, 1), (1, 2), (2, 0)):
+            length = np.linalg.norm(own[first] - own[second])
+            assert np.linalg.norm(corners[first] - corners[second]) == pytest.approx(length, rel=1e-9)
+
+
+def test_springs_of_cloths_together_are_those_of_each():
+    one, other = sheet(), cape.Cloth.skirt(waist=0.8, length=0.3, spacing=0.08)
+    outfit = combined(["one", "other"], [one, other], [one.positions, other.positions])
+    both, own = springs_of(outfit), [springs_of(as_mesh(cloth)) for cloth in (one, other)]
+    starts = [part.start for part in outfit.parts]
+    assert starts == [0, one.vertices]
+    for name in ("first", "second"):
+        apart = [getattr(springs, name) + start for springs, start in zip(own, starts, strict=True)]
+        assert np.array_equal(getattr(both, name), np.concatenate(apart))
+    for name in ("rest", "stiffness"):
+        apart = np.concatenate([getattr(springs, name) for springs in own])
+        np.testing.assert_allclose(getattr(both, name), apart, rtol=1e-9)
+    assert np.array_equal(outfit.region("other.hem"), other.region("hem") + one.vertices)
+    np.testing.assert_allclose(outfit.masses(), np.concatenate([one.masses(), other.masses()]))
+
+
+def falling(self_contact: cape.SelfContact | None) -> cape.Scene:
+    """A sheet that is held all around, and a smaller one that falls onto it."""
+    below, above = sheet(0.6), sheet(0.35, 0.06)
+    outfit = combined(["below", "above"], [below, above], [below.positions, above.positions])
+    rim = np.unique(np.concatenate([below.region(side) for side in ("top", "bottom", "left", "right")]))
+    return cape.Scene(
+        outfit, [cape.attach(outfit, "frame", rim)], wind=cape.Wind(), self_contact=self_contact, strain_limit=True
+    )
+
+
+def fallen(self_contact: cape.SelfContact | None, threads: int = 1) -> cape.Take:
+    times = frame_times(0.4)
+    track = track_of(times, frame=np.zeros((len(times), 3)))
+    return cape.simulate(falling(self_contact), track, threads=threads, settle=0.0)
+
+
+@pytest.fixture(scope="module")
+def lying() -> cape.Take:
+    return fallen(cape.SelfContact())
+
+
+def test_a_cloth_lies_on_another_and_falls_through_where_layers_do_not_meet(lying):
+    take = lying
+    assert take.result == "finished"
+    below, above = (part.vertices for part in take.cloth.parts)
+    lowest, sag = take.positions[-1, above, 2].min(), take.positions[-1, below, 2].min()
+    assert lowest > sag
+    for frame in take.positions[::4]:
+        assert len(self_crossings(frame, take.triangles)) == 0
+    # In 0.4 s it would have fallen by 0.78 m, less what the air brakes.
+    through = fallen(None)
+    assert through.positions[-1, above, 2].max() < -0.2
+
+
+def test_the_same_bits_on_any_number_of_threads(lying):
+    assert np.array_equal(lying.positions, fallen(cape.SelfContact(), threads=2).positions)
+
+
+def test_a_take_comes_apart(lying, tmp_path):
+    take = lying
+    above, below = takes_apart(take)
+    assert (above.name, below.name) == ("above", "below")
+    assert np.array_equal(np.concatenate([below.positions, above.positions], axis=1), take.positions)
+    assert len(above.held) == 0
+    assert np.array_equal(below.held, take.held)
+    assert np.maximum(above.stretch_max, below.stretch_max) == pytest.approx(take.stretch_max, abs=1e-5)
+    assert takes_apart(above) == [above]
+    save(take, tmp_path / "both.rrd")
+    drawn = Recording(tmp_path / "both.rrd")
+    assert {"/world/cloths/above", "/world/cloths/below"} <= drawn.entities
+    assert "/world/cape" not in drawn.entities
+
+
+def test_a_cape_over_a_skirt_starts_outside_of_it_and_stays_there(walker):
+    body, track = walker
+    scene = cape.dress(body, track, garments=["back_cape", "skirt"], spacing=0.1)
+    assert isinstance(scene.cloth, Outfit)
+    assert [part.name for part in scene.cloth.parts] == ["skirt", "back_cape"]
+    assert {collider.name for collider in scene.colliders} == {
+        collider.name for collider in cape.dress(body, track, garment="skirt").colliders
+    }
+    take = cape.simulate(scene, track)
+    assert take.result == "finished"
+    starts = [part.start for part in scene.cloth.parts]
+    owner = np.searchsorted(starts, scene.cloth.faces[:, 0], side="right")
+    for frame in take.positions:
+        pairs = owner[self_crossings(frame, take.triangles)]
+        assert (pairs[:, 0] == pairs[:, 1]).all()
+
+
+def test_what_can_not_be_worn_together_is_told(walker):
+    with pytest.raises(ValueRangeError, match="worn once"):
+        cape.dress(*walker, garments=["skirt", "skirt"])
+    with pytest.raises(ValueRangeError, match="not none"):
+        cape.dress(*walker, garments=[])
+    with pytest.raises(UnknownNameError, match="toga"):
+        cape.dress(*walker, garments=["toga", "skirt"])
+    one = sheet()
+    other = replace(sheet(), fabric=cape.FABRICS["denim"])
+    with pytest.raises(ValueRangeError, match="one fabric"):
+        combined(["one", "other"], [one, other], [one.positions, other.positions])
+    with pytest.raises(ValueRangeError, match="different names"):
+        combined(["one", "one"], [one, one], [one.positions, one.positions])
+
+
+def test_cloths_that_cross_at_the_start_are_refused(walker, monkeypatch):
+    from cape.outfits import dressing
+
+    monkeypatch.setattr(dressing, "_stand_in", lambda *_: [])
+    with pytest.raises(ValueRangeError, match="back_cape can't be put on over the skirt: they pass through each other"):
+        cape.dress(*walker, garments=["back_cape", "skirt"], spacing=0.1)
