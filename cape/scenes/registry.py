@@ -37,12 +37,12 @@ SCENES: dict[str, NamedScene] = {
         NamedScene(
             "cape",
             "a character in a cape stands, walks, runs and kicks",
-            options={"script": "idle 1s, walk 2s, run 2s, kick, idle 1s", "garment": "back_cape"},
+            options={"script": "idle 1s, walk 2s, run 2s, kick, idle 1s", "garment": ["back_cape"]},
         ),
         NamedScene(
             "hitboxes",
             "what the cape of a character meets: hit boxes and contacts",
-            options={"clip": "kick", "garment": "back_cape", "tab": "hitboxes"},
+            options={"clip": "kick", "garment": ["back_cape"], "tab": "hitboxes"},
         ),
     )
 }

@@ -1,5 +1,6 @@
 """Several cloths as one: the same springs and masses, layers that meet, takes apart."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from cape.record import save
 from cape.scene.standard_scenes import frame_times, track_of
 from motions.errors import UnknownNameError, ValueRangeError
 from tests.record.test_record import Recording
+from tests.support.processes import mistake_told
 
 
 @pytest.fixture(scope="module")
@@ -153,3 +155,19 @@ def test_cloths_that_cross_at_the_start_are_refused(walker, monkeypatch):
     monkeypatch.setattr(dressing, "_stand_in", lambda *_: [])
     with pytest.raises(ValueRangeError, match="back_cape can't be put on over the skirt: they pass through each other"):
         cape.dress(*walker, garments=["back_cape", "skirt"], spacing=0.1)
+
+
+@pytest.mark.extra
+def test_the_command_puts_garments_on_over_each_other(forks, tmp_path):
+    done = forks(
+        "replay", "walk", "--garment", "back_cape", "--garment", "skirt", "--spacing", "0.1", "--end", "0.1", "--json",
+        folder=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    facts = json.loads(done.stdout)
+    assert facts["garments"] == ["back_cape", "skirt"]
+    assert facts["result"] == "finished"
+    drawn = Recording(tmp_path / "walk.rrd").entities
+    assert {"/world/cloths/back_cape", "/world/cloths/skirt"} <= drawn
+    _, line = mistake_told(forks("replay", "walk", "--garment", "skirt", "--garment", "skirt", folder=tmp_path))
+    assert "worn once" in line

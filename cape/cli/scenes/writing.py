@@ -44,7 +44,7 @@ EXAMPLES: Mapping[str, Any] = {
     "turbulence": 0.5,
     "seed": 1,
 }
-RUNS: Mapping[str, Any] = {"clip": "walk", "garment": "shoulder_cape", "fabric": "cape", "wind": [-2.0, 0.0, 0.0]}
+RUNS: Mapping[str, Any] = {"clip": "walk", "garment": ["shoulder_cape"], "fabric": "cape", "wind": [-2.0, 0.0, 0.0]}
 """What stands in a scene of which nothing is asked."""
 
 TABLES_TOLD = """
