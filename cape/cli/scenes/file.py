@@ -1,6 +1,5 @@
 """Scene files: TOML of the options of `cape replay` by their names, and tables of fabrics, attachments, colliders."""
 
-import difflib
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
@@ -25,7 +24,7 @@ from cape.cli.scenes.tables import (
     collider_of,
     fabric_of,
 )
-from motions.errors import FileError, UserError
+from motions.errors import FileError, UnknownNameError, UserError
 from motions.files import printable, read_bytes
 from motions.limits import LARGEST_NUMBER
 
@@ -205,7 +204,7 @@ class _Reader:
             apart = key.one_of.separator
             for name in [value] if apart is None else [part.strip() for part in value.split(apart)]:
                 if name not in known:
-                    raise self._told(place, f"no {key.name} named {name!r}", name, known)
+                    raise self._told(place, key.name, name, known)
         if key.kind is Path:
             return self._file.path.parent / value
         if key.file is not None:
@@ -244,7 +243,7 @@ class _Reader:
     def _only(self, table: Mapping[str, Any], known: Iterable[str], *place: str | int) -> None:
         for key in table:
             if key not in known:
-                raise self._told((*place, key), f"no key named {key!r}", key, known)
+                raise self._told((*place, key), "key", key, known)
 
     def _require(self, place: tuple[str | int, ...], right: bool, expected: str, value: Any) -> None:
         if not right:
@@ -256,10 +255,8 @@ class _Reader:
         name = next((part for part in reversed(place) if isinstance(part, str)), "")
         return FileError(f"{self._file.where(*place)}: {printable(name)[:MOST_TOLD]} is {expected}, not {told}")
 
-    def _told(self, place: tuple[str | int, ...], what: str, name: str, known: Iterable[str]) -> FileError:
-        near = difflib.get_close_matches(name[:MOST_TOLD], list(known), 1)
-        guess = f"; did you mean {near[0]!r}?" if near else ";"
-        return FileError(f"{self._file.where(*place)}: {printable(what)}{guess} available: {', '.join(known)}")
+    def _told(self, place: tuple[str | int, ...], kind: str, name: str, known: Iterable[str]) -> FileError:
+        return FileError(f"{self._file.where(*place)}: {UnknownNameError(kind, printable(name)[:MOST_TOLD], known)}")
 
 
 def _is(kind: type, value: Any) -> bool:
