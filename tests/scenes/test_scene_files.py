@@ -107,10 +107,16 @@ def test_what_is_no_text_has_a_line():
 
 def test_a_file_that_is_too_large_or_none_is_refused(tmp_path):
     (tmp_path / "large.toml").write_bytes(b"#" * (LARGEST + 1))
-    with pytest.raises(FileError, match="1 at most"):
+    with pytest.raises(FileError, match=r"0\.3 at most"):
         read_scene(tmp_path / "large.toml")
     with pytest.raises(FileError, match="directory"):
         read_scene(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["a" + ".a" * 100_000 + " = 1", "[a" + " . 'b'" * 30_000 + "]"])
+def test_a_key_of_many_parts_is_refused_at_once(text):
+    with pytest.raises(FileError, match="line 2: no TOML: nested too deeply"):
+        read("\n" + text)
 
 
 FRAGMENTS = st.sampled_from(

@@ -28,7 +28,9 @@ from motions.errors import FileError, UnknownNameError, UserError
 from motions.files import printable, read_bytes
 from motions.limits import LARGEST_NUMBER
 
-LARGEST = 2**20  # bytes: a scene of a thousand colliders has a fifth of that
+LARGEST = 2**18  # bytes: a scene of a thousand colliders has most of that
+# A key of so many parts is none, and tomllib takes their square in time.
+_DEEP = re.compile(r"""(?:\.[ \t]*(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*){32}""")
 MOST_TOLD = 60  # characters of a value, in an error
 
 
@@ -140,7 +142,7 @@ def read_scene(path: str | Path) -> SceneFile:
     path = Path(path)
     content = read_bytes(path)
     if len(content) > LARGEST:
-        raise FileError(f"{path} has {len(content) / 1e6:.1f} MB: a scene file has {LARGEST / 1e6:.0f} at most")
+        raise FileError(f"{path} has {len(content) / 1e6:.1f} MB: a scene file has {LARGEST / 1e6:.1f} at most")
     return scene_of(content, path)
 
 
@@ -156,6 +158,8 @@ def scene_of(content: bytes, path: Path) -> SceneFile:
         line = content[: error.start].count(b"\n") + 1
         raise FileError(f"{path}, line {line}: no text in UTF-8") from None
     lines = Lines(text)
+    if deep := _DEEP.search(text):
+        raise FileError(f"{path}, line {text.count(chr(10), 0, deep.start()) + 1}: no TOML: nested too deeply")
     try:
         found = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
