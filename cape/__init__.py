@@ -13,6 +13,7 @@ from cape.run.auto import Auto, AutoSimulation
 from cape.run.batch import Batch
 from cape.run.simulate import SlowWarning, simulate
 from cape.run.simulation import Simulation
+from cape.run.tearing.cutting import cut
 from cape.run.whereabouts import Diverged
 from cape.scene.colliders import Box, Collider, Cylinder, Ellipsoid, Plane, Sphere, TaperedCapsule
 from cape.scene.dress import dress
@@ -23,6 +24,7 @@ from cape.scene.jumps import Cuts
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 from cape.scene.self_contact import SelfContact
+from cape.scene.tearing import Tearing
 from cape.solvers import SOLVERS, TRBDF2, XPBD, BackwardEuler, Solver, SymplecticEuler, solver
 from cape.version import VERSION as __version__
 from motions.errors import UserError
@@ -66,6 +68,7 @@ __all__ = [
     "SymplecticEuler",
     "Take",
     "TaperedCapsule",
+    "Tearing",
     "Tethers",
     "UserError",
     "Wind",
@@ -73,6 +76,7 @@ __all__ = [
     "__version__",
     "attach",
     "confine",
+    "cut",
     "dress",
     "fabric",
     "read_wind",

@@ -1,6 +1,7 @@
 """From a scene to the arrays that kernels work on."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,7 @@ from cape.assembly.contact import Contacts, contacts_of, for_another_thread
 from cape.assembly.holding import attached_of, by_kind, confined_of, pull_of, rails_of, tethers_of, ties_of
 from cape.assembly.springs import Springs, springs_of
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
+from cape.cloth.split_grid import SplitGrid
 from cape.kernels.bones import MotionRoom
 from cape.kernels.cloth.grid import MOST_COLUMNS, GridRoom, grid_room
 from cape.kernels.cloth.stream import Stream
@@ -19,7 +21,7 @@ from cape.kernels.solve.lift import Ties
 from cape.kernels.solve.slide import Rails
 from cape.kernels.solve.soft import Pull
 from cape.kernels.solve.tethers import Tethers
-from cape.kernels.state import Inertia
+from cape.kernels.state import Inertia, State
 from cape.scene.holding.attachments import Attachment
 from cape.scene.scene import Scene
 from motions.errors import ValueRangeError
@@ -117,21 +119,42 @@ class Assembly:
         ranks = (replace(rank, contacts=rank.contacts._replace(layers=layers)) for rank in self.ranks)
         return replace(self, ranks=tuple(ranks))
 
-    def inwards(self, values: FloatArray) -> FloatArray:
-        """Renumber rows that belong to the scene's vertices, shape (N, ...), as they are numbered here."""
-        return values if self.order is None else values[self.order]
+    @property
+    def in_use(self) -> int:
+        """How many vertices are no spare ones, which come last."""
+        return self.cloth.in_use if isinstance(self.cloth, SplitGrid) else self.cloth.vertices
 
-    def outwards(self, values: FloatArray) -> FloatArray:
-        """Renumber rows that belong to vertices here, shape (N, ...), as the scene numbers them."""
+    def carry_spares(self, state: State) -> None:
+        """Have spare vertices go along with the first, in place, so that they are never far."""
+        for component in state if self.in_use < self.cloth.vertices else ():
+            component[self.in_use :] = component[0]
+
+    def inwards(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Renumber rows that belong to the scene's vertices, shape (n, ...), as they are numbered here, shape (N, ...).
+
+        Spare vertices get what the first has.
+        """
         if self.order is None:
-            return values
+            spare = self.cloth.vertices - len(values)
+            return np.concatenate([values, values[np.zeros(spare, np.int64)]]) if spare else values
+        return values[self.order]
+
+    def outwards(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Renumber rows that belong to vertices here, shape (N, ...), as the scene numbers them, without spare ones."""
+        if self.order is None:
+            return values[: self.in_use]
         result = np.empty_like(values)
         result[self.order] = values
         return result
 
 
-def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 1) -> Assembly:
-    """Build the arrays of a scene whose attachments hold the given vertices, for so many threads."""
+def assemble(
+    scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 1, split: SplitGrid | None = None
+) -> Assembly:
+    """Build the arrays of a scene whose attachments hold the given vertices, for so many threads.
+
+    A grid that has been torn is given as it has split.
+    """
     cloth, order = scene.cloth, None
     if isinstance(cloth, MeshCloth):
         from cape.cloth.triangle_mesh import locality_order, reordered
@@ -142,9 +165,11 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
         places = [rank[indices] for indices in vertices]
     else:
         places = vertices
+        if scene.tearing is not None and isinstance(cloth, GridCloth):
+            cloth = split or SplitGrid.of(cloth, spare_rows(cloth))
     holds = list(zip(scene.attachments, vertices, places, strict=True))
     mass = cloth.masses()
-    free = np.ones(cloth.vertices, dtype=bool)
+    free = mass > 0.0  # all but spare vertices
     loose = free.copy()
     for attachment, _, indices in holds:
         free[indices] = not attachment.hard
@@ -160,7 +185,7 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
         order=order,
         springs=springs,
         mass=mass,
-        inverse_mass=np.where(free, 1.0 / mass, 0.0),
+        inverse_mass=inverse_of(mass, free),
         free=free,
         attached=attached,
         ties=None if attached is None else ties_of(cloth, springs, attached),
@@ -175,6 +200,19 @@ def assemble(scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 
             for rank in range(threads)
         ),
     )
+
+
+SPARE = 0.125  # of a grid's vertices, that it may get by splitting until more room is made
+
+
+def spare_rows(cloth: GridCloth) -> int:
+    """How many rows of spare vertices a grid gets that may split."""
+    return max(2, round(SPARE * cloth.rows))
+
+
+def inverse_of(mass: FloatArray, free: NDArray[np.bool_]) -> FloatArray:
+    """[1/kg] of vertices, zero for those that aren't free, shape (N,)."""
+    return np.divide(1.0, mass, out=np.zeros_like(mass), where=free)
 
 
 def inertia_of(assembly: Assembly, dtype: type[np.floating]) -> Inertia:

@@ -52,7 +52,7 @@ def contacts_of(scene: Scene, cloth: Cloth, free: NDArray[np.bool_]) -> Contacts
     colliders = faces = None
     if scene.colliders:
         layouts = [collider.layout() for collider in scene.colliders]
-        colliders = _colliders(scene, layouts, shared)
+        colliders = _colliders(scene, layouts, len(free), shared)
         faces = _faces(colliders, layouts, cloth)
     layers = layers_of(scene, cloth, **shared)
     pressure = None if layers is None else layers.pressure
@@ -101,7 +101,7 @@ def _points(count: int) -> Points:
     return Points(*np.zeros((7, count)))
 
 
-def _colliders(scene: Scene, layouts: Sequence[Layout], shared: dict[str, Any]) -> Colliders:
+def _colliders(scene: Scene, layouts: Sequence[Layout], vertices: int, shared: dict[str, Any]) -> Colliders:
     count, tiles = len(layouts), len(shared["spreads"])
     rows = np.zeros(count, COLLIDER).view(np.recarray)
     for row, collider, layout in zip(rows, scene.colliders, layouts, strict=True):
@@ -122,7 +122,7 @@ def _colliders(scene: Scene, layouts: Sequence[Layout], shared: dict[str, Any]) 
         touches=np.zeros(TILE, dtype=np.int64),
         between=np.ones(tiles, dtype=bool),
         before=np.zeros((6, TILE)),
-        pinched=np.zeros(scene.cloth.vertices, dtype=bool),
+        pinched=np.zeros(vertices, dtype=bool),
         **shared,
     )
 

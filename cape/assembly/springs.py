@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cape.assembly.membrane import Membrane
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
+from cape.cloth.split_grid import SplitGrid
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -67,8 +68,12 @@ class Springs:
 
 def springs_of(cloth: Cloth) -> Springs:
     """Derive the springs of a cloth from its pattern and fabric."""
+    if isinstance(cloth, SplitGrid):
+        from cape.assembly.grid.split_springs import split_springs
+
+        return split_springs(cloth)
     if isinstance(cloth, GridCloth):
-        from cape.assembly.grid_springs import grid_springs
+        from cape.assembly.grid.springs import grid_springs
 
         return grid_springs(cloth)
     if isinstance(cloth, MeshCloth):

@@ -238,6 +238,13 @@ def cut(
             help="Have a bone, by its name or role, hold a named part of the garment, such as collar=neck; repeatable.",
         ),
     ] = None,
+    tear: Annotated[
+        float | None,
+        typer.Option(metavar="STRAIN", help="Strain at which threads part, such as 0.3; nothing then limits it."),
+    ] = None,
+    tear_force: Annotated[
+        float | None, typer.Option(metavar="N/M", help="Force per width at which the cloth parts [N/m]; the same.")
+    ] = None,
     loop: Annotated[
         bool,
         typer.Option(
@@ -267,5 +274,7 @@ def cut(
         self_contact=self_contact,
         strain_limit=strain_limit,
         hold=tuple(hold or ()),
+        tear=tear,
+        tear_force=tear_force,
         loop=loop,
     )

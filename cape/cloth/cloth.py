@@ -312,10 +312,22 @@ class GridCloth(Cloth):
         return not self.darted
 
     @property
+    def cells(self) -> IntArray:
+        """Vertex indices of the cells, row after row: left, right, right below, left below; shape (P, 4)."""
+        corner = (np.arange(self.rows - 1)[:, None] * self.columns + np.arange(self.columns - 1)).ravel()
+        return np.stack([corner, corner + 1, corner + self.columns + 1, corner + self.columns], axis=1)
+
+    @property
+    def cells_in_place(self) -> NDArray[np.bool_]:
+        """Whether a cell starts from each vertex whose corners are this one and its neighbours, shape (V,)."""
+        starts = np.zeros((self.rows, self.columns), bool)
+        starts[:-1, :-1] = True
+        return starts.ravel()
+
+    @property
     def triangles(self) -> NDArray[np.int32]:
         """Vertex indices, two triangles a cell, shape (2 (rows - 1) (columns - 1), 3)."""
-        corner = (np.arange(self.rows - 1)[:, None] * self.columns + np.arange(self.columns - 1)).ravel()
-        right, down, across = corner + 1, corner + self.columns, corner + self.columns + 1
+        corner, right, across, down = self.cells.T
         faces = np.concatenate([np.stack([corner, down, right], axis=1), np.stack([across, right, down], axis=1)])
         return faces.astype(np.int32)
 

@@ -45,9 +45,7 @@ class Air(Force):
         assert wind is not None
         air = (assembly.wind, wind.density * wind.drag / 12.0, wind.density * wind.lift / 12.0)
         if isinstance(cloth, GridCloth):
-            cells = np.zeros((cloth.rows, cloth.columns), dtype=dtype)
-            cells[:-1, :-1] = 1.0
-            return Blown(GridAir(*air, cells.ravel(), cloth.columns), relative)
+            return Blown(GridAir(*air, cloth.cells_in_place.astype(dtype), cloth.columns), relative)
         from cape.assembly.mesh.links import mesh_air_record
 
         return Blown(mesh_air_record(cloth, *air, dtype), relative)

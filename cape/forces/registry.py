@@ -4,6 +4,7 @@ from cape.forces.air import Air
 from cape.forces.base import Force
 from cape.forces.elastic import Elastic
 from cape.forces.hold import Hold
+from cape.forces.strays import Strays, StraysInAir
 from cape.forces.viscous_air import ViscousAir
 from cape.scene.scene import Scene
 
@@ -12,6 +13,8 @@ FORCES: tuple[type[Force], ...] = (
     Air,
     ViscousAir,
     Hold,
+    Strays,
+    StraysInAir,
 )
 
 

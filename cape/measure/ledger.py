@@ -89,7 +89,7 @@ class Balance:
         air: work done on it by the air: drag, lift and viscosity, of either sign.
         damping: what the springs' damping has dissipated, also of those that hold the cloth softly.
         numerical: what the method of integration has added; below zero what it has dissipated.
-        moved: what was changed between frames: by jumps of the bones, or `Simulation.disturb`.
+        moved: what was changed between frames: by jumps of the bones, `Simulation.disturb`, or threads that parted.
         limit: work done on it by the limit of its strain; below zero what that has taken away.
     """
 

@@ -51,18 +51,35 @@ class Meter:
         self.scene = scene or assembly.scene
         self._assembly = assembly
         self._histogram = np.zeros(measure.BINS, dtype=np.int64)
-        springs = assembly.springs
-        chosen = springs.measured
-        self._first, self._second, self._rest = springs.first[chosen], springs.second[chosen], springs.rest[chosen]
-        self._colliders = contacts_of(self.scene, assembly.cloth, assembly.loose).colliders
-        self._linker = Linker()
-        if self._colliders is not None:
-            link_distances(self.scene, self._colliders, None, self._linker)
+        self._measure_springs()
+        self._meet_colliders()
         bones = len(self.scene.bones) + 1
         self._bones = MotionRoom.blank(bones)
         self._pose = Pose(np.zeros((bones, 3)), np.zeros((bones, 4)))
         self._room = _ContactRoom(ROOM)
+
+    def _measure_springs(self) -> None:
+        springs = self._assembly.springs
+        chosen = springs.measured
+        self._first, self._second, self._rest = springs.first[chosen], springs.second[chosen], springs.rest[chosen]
         self._calls: _Calls | None = None
+
+    def follow(self, assembly: Assembly) -> None:
+        """Go on with the cloth as it has torn, which may have other springs and more vertices."""
+        if assembly.springs is self._assembly.springs:
+            return
+        grown = assembly.cloth.vertices > self._assembly.cloth.vertices
+        self._assembly = assembly
+        self._measure_springs()
+        if grown:
+            self._meet_colliders()
+
+    def _meet_colliders(self) -> None:
+        assembly = self._assembly
+        self._colliders = contacts_of(self.scene, assembly.cloth, assembly.loose).colliders
+        self._linker = Linker()
+        if self._colliders is not None:
+            link_distances(self.scene, self._colliders, None, self._linker)
 
     def requests(self, state: State) -> list[Request]:
         """The code that reading such a state needs, to be compiled together with other code."""

@@ -1,5 +1,7 @@
 """Where a cloth passes through itself, measured apart from what keeps it from doing so."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,16 +29,22 @@ def self_crossings(positions: NDArray[np.floating], triangles: NDArray[np.intege
     return np.stack([first[through], second[through]], axis=1)
 
 
-def share_crossed(positions: NDArray[np.floating], triangles: NDArray[np.integer], *, most: int) -> float:
+def share_crossed(
+    positions: NDArray[np.floating],
+    triangles: NDArray[np.integer] | Callable[[int], NDArray[np.integer]],
+    *,
+    most: int,
+) -> float:
     """Share of the frames, of at most so many evenly spaced ones, in which a cloth passes through itself.
 
     Args:
         positions: of the vertices in each frame [m], shape (F, V, 3).
-        triangles: indices of the vertices, shape (T, 3).
+        triangles: indices of the vertices, shape (T, 3), or what gives them for a frame.
         most: frames that are looked at.
     """
     chosen = np.unique(np.linspace(0, len(positions) - 1, min(most, len(positions))).astype(int))
-    return sum(len(self_crossings(positions[frame], triangles)) > 0 for frame in chosen) / len(chosen)
+    at = triangles if callable(triangles) else lambda _: triangles
+    return sum(len(self_crossings(positions[frame], at(int(frame)))) > 0 for frame in chosen) / len(chosen)
 
 
 def _near(corners: FloatArray) -> tuple[IntArray, IntArray]:

@@ -53,16 +53,29 @@ def log_cape(
     import rerun as rr
 
     texture = plain(look.color) if take.cloth is None else texture_of(take.cloth, look)
-    send_once(
-        stream,
-        path,
-        rr.Mesh3D.from_fields(triangle_indices=take.triangles, vertex_texcoords=take.texcoords, **albedo(texture)),
-    )
+    changes = {} if take.tears == 0 else {t.frame: t.triangles for t in take.topologies}
+    always = {} if changes else {"triangle_indices": take.triangles}
+    send_once(stream, path, rr.Mesh3D.from_fields(vertex_texcoords=take.texcoords, **always, **albedo(texture)))
     for block in frames.blocks(2 * take.positions[0].nbytes):
-        positions = take.positions[frames.numbers[block]]
-        normals = vertex_normals(positions, take.triangles)
+        numbers = frames.numbers[block]
+        positions = take.positions[numbers]
+        normals = np.empty_like(positions)
+        for triangles, same in _alike(take, numbers):
+            normals[same] = vertex_normals(positions[same], triangles)
         frames.send(stream, path, rr.Mesh3D, {"vertex_positions": positions, "vertex_normals": normals}, block=block)
         let_go(take.positions)
+    for first, triangles in changes.items():
+        later = np.searchsorted(frames.numbers, first)
+        if later < len(frames.numbers):
+            frames.send(stream, path, rr.Mesh3D, {"triangle_indices": triangles[None]}, block=slice(later, later + 1))
+
+
+def _alike(take: Take, numbers: NDArray[np.int64]) -> list[tuple[NDArray[np.int32], slice]]:
+    """The triangles of frames with increasing numbers, and which of these have the same."""
+    starts = [int(np.searchsorted(numbers, topology.frame)) for topology in take.topologies] or [0]
+    triangles = [topology.triangles for topology in take.topologies] or [take.triangles]
+    ends = [*starts[1:], len(numbers)]
+    return [(one, slice(start, end)) for one, start, end in zip(triangles, starts, ends, strict=True) if end > start]
 
 
 def log_skeleton(stream: rr.RecordingStream, bones: BoneTrack, frames: Frames) -> None:

@@ -92,8 +92,9 @@ def _shoulders_covered(take: Take, cloth: Cloth, joints: Sequence[FloatArray], u
         for frame, positions in enumerate(take.positions):
             if frame % LET_GO == 0:
                 let_go(take.positions)
-            above = near_ray(joint[frame], up[frame], positions, take.triangles)
-            ways = ray_hits(joint[None, frame], up[None, frame], positions[take.triangles[above]].astype(float)[None])
+            triangles = take.triangles_at(frame)
+            above = near_ray(joint[frame], up[frame], positions, triangles)
+            ways = ray_hits(joint[None, frame], up[None, frame], positions[triangles[above]].astype(float)[None])
             found = joint[frame] + ways[np.isfinite(ways), None] * up[frame]
             met.append(found)
             rays += [ray] * len(found)

@@ -99,7 +99,7 @@ def penetration(
         near = solids.within_reach(frame, points)
         if not near:
             continue
-        corners = points[take.triangles[triangles]]
+        corners = points[take.triangles_at(int(frame))[triangles]]
         sample = _FaceSampler(corners, spacing)
         for c in near:
             _deepen(vertices, row, c, vertex_indices, solids.depth(c, frame, points[counting]))

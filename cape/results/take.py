@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cape.cloth.cloth import Cloth
 from cape.measure.contact_points import ContactPoints
 from cape.results.loop import Loop
+from cape.results.topology import Topology
 from cape.scene.colliders import Collider
 from cape.scene.scene import Scene
 from skeleton.robot.link_surfaces import LinkSurface
@@ -51,9 +52,10 @@ class Take:
         name: what it is called, by default the clip's name.
         bones: the bones' poses at the F frames; every bone that the colliders name is among them.
         colliders: what the cloth couldn't enter.
-        triangles: vertex indices of the T triangles, shape (T, 3).
+        triangles: vertex indices of the T triangles, shape (T, 3); of a cloth that tears, as they are at first.
         texcoords: texture coordinates of the V vertices, 0 to 1 over the cloth, shape (V, 2).
-        positions: of the V vertices in the world [m], single precision, shape (F, V, 3).
+        positions: of the V vertices in the world [m], single precision, shape (F, V, 3). Where the cloth tears these
+            are all that there are in the end; until one splits off, it is where it will split off from.
         stretch_max: largest strain of a structural edge in each frame (0.01 is 1 %), shape (F,).
         stretch_p99: its 99th percentile over all edges and frames.
         penetration: deepest penetration of a vertex into a collider in each frame [m], 0 where none is, shape (F,).
@@ -72,6 +74,10 @@ class Take:
         renewed: those of the jumps at which it was put on anew.
         step_errors: what the time step has cost in accuracy, where that was measured, part by part of the motion.
         cloth: what was simulated, whose fabric tells how it is drawn; None where that is not known.
+        topologies: which vertices the triangles have from some frames on, the first of them 0; none where the cloth
+            stays as it is.
+        tears: how many edges have parted.
+        mass: of the cloth in the first and in the last frame [kg]; not a number where it is not known.
         loop: how well its last frame leads into its first, None where it was not made to.
         result: "finished", "finished with warnings", "diverged at frame N", or "stopped at frame N" by the user.
         warnings: what to look at, a sentence each.
@@ -101,6 +107,9 @@ class Take:
     renewed: tuple[int, ...] = ()
     step_errors: tuple[StepError, ...] = ()
     cloth: Cloth | None = None
+    topologies: tuple[Topology, ...] = ()
+    tears: int = 0
+    mass: tuple[float, float] = (math.nan, math.nan)
     loop: Loop | None = None
     result: str = "finished"
     warnings: tuple[str, ...] = field(default=())
@@ -114,6 +123,11 @@ class Take:
         """
         squares = [error.rms**2 for error in self.step_errors]
         return math.sqrt(sum(squares) / len(squares)) if squares else math.nan
+
+    def triangles_at(self, frame: int) -> NDArray[np.int32]:
+        """Vertex indices of the T triangles in a frame, shape (T, 3)."""
+        known = [topology.triangles for topology in self.topologies if topology.frame <= frame]
+        return known[-1] if known else self.triangles
 
     @property
     def thicknesses(self) -> FloatArray:

@@ -3,7 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly.self_contact import connected_pieces
 from cape.results.take import Take
+from cape.results.topology import Topology
 
 FloatArray = NDArray[np.float64]
 
@@ -14,6 +16,7 @@ STUCK_FRAMES = 10  # in a row
 NAMED_VERTICES = 5
 NEARBY_FRAMES = 10  # in which what stretches a cloth is looked for
 FAST = 15.0  # m/s of a bone: faster than a sprinter's foot swings in all but records
+MOSTLY = 0.5  # of a cape that is off: the rest is what bones have kept
 
 
 def warnings_of(take: Take) -> list[str]:
@@ -23,6 +26,7 @@ def warnings_of(take: Take) -> list[str]:
         *stuck_warnings(take),
         *reach_warnings(take),
         *stretch_warnings(take),
+        *loose_warnings(take),
     ]
 
 
@@ -116,6 +120,25 @@ def _cause_of_stretch(take: Take, frame: int) -> str:
     if take.solver == "xpbd":
         return "more substeps, or a stiffer fabric, hold it better"
     return "look whether something holds it fast; a stiffer fabric stretches less"
+
+
+def loose_warnings(take: Take) -> list[str]:
+    """Tell when a cloth that bones hold has torn so far that a part of it, or all, hangs on nothing."""
+    if take.tears == 0 or not len(take.held):
+        return []
+    loose = [(topology.frame, _share_loose(topology, take.held)) for topology in take.topologies]
+    most = max(share for _, share in loose)
+    first = next((frame for frame, share in loose if share > 0.0), 0)
+    if most > MOSTLY:
+        first = next(frame for frame, share in loose if share > MOSTLY)
+        return [f"the cape comes off at frame {first}: {most:.0%} of it hang on nothing in the end"]
+    return [f"{most:.0%} of the cape come off, the first at frame {first}"] if most > 0.0 else []
+
+
+def _share_loose(topology: Topology, held: NDArray[np.int64]) -> float:
+    """Share of triangles in pieces that no bone holds."""
+    pieces = connected_pieces(topology.triangles, len(topology.parents))
+    return float((~np.isin(pieces[topology.triangles[:, 0]], pieces[held])).mean())
 
 
 def _for_frames(frames: NDArray[np.int64]) -> str:

@@ -13,6 +13,7 @@ from cape.reach import Reach
 from cape.results.kept import Kept
 from cape.results.kept_contacts import KeptContacts
 from cape.results.take import StepError, Take
+from cape.results.topology import Topology, all_vertices, most_split, padded, with_room
 from cape.run.auto import AutoSimulation
 from cape.run.simulation import Simulation
 from cape.run.step_error import ScheduledWatch, schedule
@@ -52,6 +53,9 @@ class Frames:
         self._jumps: list[int] = []
         self._renewed: list[int] = []
         self._counted = simulation.jumps, simulation.renewed
+        self._topologies: list[Topology] = [simulation.topology]
+        self._tears = simulation.tears
+        self._mass = simulation.mass
         self._solve_s = 0.0
         self._checks = ScheduledWatch(simulation, schedule(scene, track.times)) if check_steps else None
         self._keep(0)
@@ -134,13 +138,14 @@ class Frames:
         """All frames so far; `reach` tells what was left out."""
         simulation, scene, frames = self._simulation, self._scene, self.count
         readings = self._readings[:frames]
+        split = most_split(self._topologies)
         return Take(
             name=name,
             bones=self._track.first(frames),
             colliders=tuple(scene.colliders),
-            triangles=scene.cloth.triangles,
-            texcoords=scene.cloth.texcoords,
-            positions=self.positions,
+            triangles=self._topologies[0].triangles,
+            texcoords=scene.cloth.texcoords[split.parents],
+            positions=all_vertices(self.positions, self._topologies),
             stretch_max=np.array([r.stretch for r in readings]),
             stretch_p99=self._meter.stretch_quantile(0.99),
             penetration=np.array([r.penetration for r in readings]),
@@ -159,6 +164,9 @@ class Frames:
             renewed=tuple(frame for frame in self._renewed if frame < frames),
             step_errors=self.step_errors,
             cloth=scene.cloth,
+            topologies=tuple(self._topologies),
+            tears=simulation.tears,
+            mass=(self._mass, simulation.mass),
         )
 
     @property
@@ -171,9 +179,14 @@ class Frames:
     def _keep(self, frame: int) -> None:
         reading = self._simulation.read(self._meter, self._all_poses[frame])
         self._note(self._simulation.positions.astype(np.float32), reading)
+        if self._simulation.tears != self._tears:
+            self._tears = self._simulation.tears
+            self._topologies.append(replace(self._simulation.topology, frame=frame))
 
     def _note(self, places: NDArray[np.float32], reading: Reading) -> None:
-        self._positions.add(places[None])
+        if len(places) > self._positions.shape[0]:
+            self._positions = with_room(self._positions, self._simulation.assembly.cloth.vertices)
+        self._positions.add(padded(places, self._positions.shape[0])[None])
         self._contacts.add(reading.contacts)
         self._readings.append(replace(reading, contacts=NO_CONTACTS))
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly import putting_on, self_contact
-from cape.assembly.assemble import assemble
+from cape.assembly.assemble import Assembly, assemble
 from cape.kernels.bones import Motion
 from cape.kernels.calling import Bound
 from cape.kernels.cloth.measure import is_strained, whereabouts
@@ -50,6 +50,8 @@ class Hanging:
         origin: that positions and poses refer to, in the world [m], shape (3,).
         pose: where the bones are, about `origin`.
         holding: the bones that hold the cloth.
+        held: the vertices that each attachment holds, as the scene numbers them.
+        running: the solver at work.
         strained: whether springs are so long that steps must be shorter.
         keeps_journal: whether it is noted what substeps do.
         journal: of the last frame that was noted.
@@ -69,11 +71,10 @@ class Hanging:
         self.origin = np.round(positions.mean(axis=0))
         self.pose, self._first = pose.moved(-self.origin), first.moved(-self.origin)
         positions = positions - self.origin
-        held = [putting_on.held_by(scene, a, self.pose, positions) for a in scene.attachments]
+        self.held = held = [putting_on.held_by(scene, a, self.pose, positions) for a in scene.attachments]
         require_held_once(held)
         self.assembly = assemble(scene, held, threads=threads)
-        carrying = (attached.bones for attached in self.assembly.carried)
-        self.holding = np.unique(np.concatenate([np.empty(0, np.int64), *carrying]))
+        self.holding = np.unique(np.concatenate([np.empty(0, np.int64), *(a.bones for a in self.assembly.carried)]))
         self.state = State.at_rest(self.assembly.inwards(positions), solver.dtype(self.assembly))
         self._begin()
         self._ways = [
@@ -82,8 +83,7 @@ class Hanging:
         ]
         self._animate(positions)
         self._center, self.strained = np.zeros(3), False
-        self.time, self._weather = 0.0, Weather(self.assembly)
-        self.keeps_journal = False
+        self.time, self._weather, self.keeps_journal = 0.0, Weather(self.assembly), False
         self.journal: Journal | None = None
 
     def _animate(self, positions: FloatArray) -> None:
@@ -124,7 +124,7 @@ class Hanging:
         Raises:
             ValueRangeError: they are more than `MOST_SUBSTEPS`.
         """
-        substeps = self._solver.choose_substeps(self._running, dt, strained=strained)
+        substeps = self._solver.choose_substeps(self.running, dt, strained=strained)
         if substeps > MOST_SUBSTEPS:
             raise ValueRangeError(
                 f"{self._solver.name} would need {substeps:.3g} steps a frame here, more than {MOST_SUBSTEPS}: use a "
@@ -134,11 +134,11 @@ class Hanging:
 
     def own_choice(self, dt: float, *, strained: bool = False) -> int:
         """Substeps in `dt` [s] that the solver would choose, whatever was asked for."""
-        return replace(self._solver, substeps=None).choose_substeps(self._running, dt, strained=strained)
+        return replace(self._solver, substeps=None).choose_substeps(self.running, dt, strained=strained)
 
     def toward_limit(self, dt: float, substeps: int) -> Solver:
         """What leads soonest to where shorter steps would lead than `substeps` in `dt` [s]."""
-        return self._solver.toward_limit(self._running, dt, substeps)
+        return self._solver.toward_limit(self.running, dt, substeps)
 
     def change_solver(self, solver: Solver) -> None:
         """Go on with another solver from where the cloth is."""
@@ -151,19 +151,24 @@ class Hanging:
 
     def _begin(self) -> None:
         """Set out with the solver and the state that there are."""
+        self.running = self._solver.init(self.assembly, self.state)
+        self._sound, self._slow = (Bound(whereabouts, *self.state, FARTHEST_LEAP, most) for most in (FASTEST, WILD))
+        self.limit = StrainLimit(self.assembly, self.state, self.running.limits)
         springs = self.assembly.springs
-        self._running = self._solver.init(self.assembly, self.state)
-        self._sound = Bound(whereabouts, *self.state, FARTHEST_LEAP, FASTEST)
-        self._slow = Bound(whereabouts, *self.state, FARTHEST_LEAP, WILD)
-        self.limit = StrainLimit(self.assembly, self.state, self._running.limits)
-        ends = (np.ascontiguousarray(each) for each in (springs.first, springs.second))
-        self._strain = Bound(is_strained, *self.state[:3], *ends, np.ascontiguousarray(springs.rest), STRAINED)
+        links = (np.ascontiguousarray(each) for each in (springs.first, springs.second, springs.rest))
+        self._strain = Bound(is_strained, *self.state[:3], *links, STRAINED)
+
+    def begin_in(self, assembly: Assembly, state: State) -> None:
+        """Set out in another assembly of the same scene, or one of more vertices, at a state about the same origin."""
+        self.assembly, self.state, self._weather = assembly, state, Weather(assembly)
+        self._begin()
+        self._aim()
 
     def requests(self, *, keeps_journal: bool = False) -> list[Request]:
         """The code that a run needs, to be compiled together with other code."""
         journals = [None, self._blank_journal(1)] if keeps_journal else [None]
         return [
-            *(r for j in journals for r in self._solver.requests(self._running, self._threads, j)),
+            *(r for j in journals for r in self._solver.requests(self.running, self._threads, j)),
             self._sound.request,
             self._strain.request,
         ]
@@ -275,7 +280,7 @@ class Hanging:
         for component, values in zip(self.state, self.assembly.inwards(place.state).T, strict=True):
             component[:] = values
         self._pinched[:] = False
-        self._running.drawn.by[:], self.limit.acts = 0.0, True
+        self.running.drawn.by[:], self.limit.acts = 0.0, True
         self._hold_again(place.hold)
         self.look()
 
@@ -310,7 +315,7 @@ class Hanging:
                 carried = before[: len(attached.vertices)] @ rotation.T + shift - moved
                 putting_on.lift_to(attached, pose, carried)
         self.pose = pose
-        self._running.drawn.by[:] = 0.0
+        self.running.drawn.by[:] = 0.0
         self._aim()
         self.look()
 
@@ -353,16 +358,18 @@ class Hanging:
             if not sound or not self_contact.may_grow(known):
                 return unconverged, False
             self.assembly = self.assembly.with_layers(self_contact.enlarged(known))
-            self._running.go_on_with(self.assembly)
+            self.running.go_on_with(self.assembly)
             self.restore(before)
 
     def advance(self, motion: Motion, duration: float, substeps: int) -> int:
         """Advance by `duration` [s], and tell how many solves did not converge."""
         if self.keeps_journal:
             self.journal = self._blank_journal(substeps)
-        return self._solver.step(
-            self._running, motion, duration=duration, substeps=substeps, threads=self._threads, journal=self.journal
+        unconverged = self._solver.step(
+            self.running, motion, duration=duration, substeps=substeps, threads=self._threads, journal=self.journal
         )
+        self.assembly.carry_spares(self.state)
+        return unconverged
 
     def _blank_journal(self, substeps: int) -> Journal:
         count, dtype = self.state.x.size, self.state.x.dtype
@@ -408,7 +415,7 @@ class Hanging:
         """A copy of what a frame changes."""
         known = self.assembly.layers
         kept = None if known is None else self_contact.keep(known)
-        state, pinched, drawn = tuple(c.copy() for c in self.state), self._pinched.copy(), self._running.drawn.by.copy()
+        state, pinched, drawn = tuple(c.copy() for c in self.state), self._pinched.copy(), self.running.drawn.by.copy()
         return Moment(state, kept, pinched, drawn, self.limit.acts, self._center, self.strained)
 
     def restore(self, before: Moment) -> None:
@@ -417,7 +424,7 @@ class Hanging:
             component[:] = kept
         self._center, self.strained = before.center, before.strained
         self._pinched[:] = before.pinched
-        self._running.drawn.by[:] = before.drawn
+        self.running.drawn.by[:] = before.drawn
         self.limit.acts = before.limited
         if self.assembly.layers is not None and before.layers is not None:
             self_contact.put_back(self.assembly.layers, before.layers)

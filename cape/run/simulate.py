@@ -57,7 +57,8 @@ def simulate(
         threads: how many share the cloth, None for as many as pay off; the results are the same.
         fps: frames per second of the take; None for the track's own.
         settle: time to let the cloth come to rest in the first pose [s]; None for as long as it needs.
-        cull: leave out the colliders that the cloth can't reach (`cape.reach`); penetration is measured in all.
+        cull: leave out the colliders that the cloth can't reach (`cape.reach`); penetration is measured in all. None
+            are left out of the way of a cloth that may tear.
         cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
         check_steps: measure what the time step costs in accuracy, in parts of the motion.
         ledger: to account for the energy of the run; None for none.
@@ -75,20 +76,23 @@ def simulate(
 
     Raises:
         UnknownNameError: the scene uses a bone that the track has not.
-        ValueRangeError: the track has a single frame, the cloth can't be put on, or a ledger is given with an `Auto` or
-            for a loop.
+        ValueRangeError: the track has a single frame, the cloth can't be put on, a ledger is given with an `Auto` or
+            for a loop, or a cloth that may tear is to repeat, to be checked, or to have its solver chosen.
         Diverged: the cloth explodes before the first frame.
     """
     if track.frames < 2:
         raise ValueRangeError("a motion of one frame can't be simulated: at least two are needed")
     if loop and ledger is not None:
         raise ValueRangeError("a ledger keeps the accounts of one run from its start: leave it out of a loop")
+    if scene.tearing is not None and (loop or check_steps):
+        raise ValueRangeError("what tears neither repeats nor is torn twice alike: leave out the loop, or the check")
     if fps is not None:
         track = track.resample(fps)
     travel = None
     if loop:
         track, travel = round_of(track)
-    reach = reach_of(scene, track) if cull else None
+    # What has come off gets anywhere.
+    reach = reach_of(scene, track) if cull and scene.tearing is None else None
     simulation = _simulation_of(scene if reach is None else reach.cull(scene), solver, threads, cuts, ledger)
     first_pose = poses_of(track.first(1), simulation.bones)[0]
 
@@ -140,7 +144,7 @@ def requests_of(
         UnknownNameError: the scene uses a bone that the track has not.
         ValueRangeError: the cloth can't be put on.
     """
-    in_reach = reach_of(scene, track).cull(scene) if cull else scene
+    in_reach = reach_of(scene, track).cull(scene) if cull and scene.tearing is None else scene
     simulation = _simulation_of(in_reach, solver, threads, DEFAULT_CUTS, None)
     return simulation.requests(poses_of(track.first(1), simulation.bones)[0], measured=scene)
 

@@ -15,6 +15,8 @@ from cape.measure.ledger import Ledger
 from cape.measure.meter import Meter, Reading
 from cape.run.attempts import diverged, take_frame
 from cape.run.hanging import SETTLING_FRAME, Hanging
+from cape.run.tearing.simulation import MayTear, tearable
+from cape.run.tearing.tears import Tears
 from cape.run.whereabouts import Forecast, Mark, Snapshot
 from cape.scene.jumps import Cuts
 from cape.scene.poses import Bones, Pose, read_pose
@@ -31,7 +33,7 @@ FORECAST_SUBSTEPS = 50
 DEFAULT_CUTS = Cuts()
 
 
-class Simulation:
+class Simulation(MayTear):
     """A running cloth for one's own loop: `start` once with the first pose, then `step` for each new one.
 
     Bones are given as a mapping from each name in `scene.bones` to (position [m], quaternion bone_to_world wxyz), or as
@@ -77,8 +79,8 @@ class Simulation:
         """
         if threads is not None:
             require_whole("threads", threads, 1, MOST_THREADS)
-        self.scene = scene
         self.solver = solver or SymplecticEuler()
+        super().__init__(tearable(scene, self.solver))
         self.threads = threads or threads_for(scene.cloth.vertices)
         self.substeps = 0
         self.retried = 0
@@ -87,7 +89,6 @@ class Simulation:
         self.cuts = cuts
         self.jumps = self.renewed = 0
         self.ledger = ledger
-        self._cloth: Hanging | None = None
 
     @property
     def bones(self) -> tuple[str, ...]:
@@ -150,8 +151,9 @@ class Simulation:
         """Where the cloth is now, for `start_from`.
 
         Raises:
-            ValueRangeError: the simulation has not been started.
+            ValueRangeError: the simulation has not been started, or the cloth has torn.
         """
+        self._require_whole()
         place = self._started.place()
         return Snapshot(self.scene, self._first_pose, place)
 
@@ -161,10 +163,11 @@ class Simulation:
         What layers of the cloth then touch each other, and what limbs pinch, is found anew.
 
         Raises:
-            ValueRangeError: the snapshot is of another scene.
+            ValueRangeError: the snapshot is of another scene, or the cloth has torn.
         """
         if snapshot.scene is not self.scene:
             raise ValueRangeError("a simulation starts from a snapshot of its own scene only")
+        self._require_whole()
         self.substeps = self.retried = self.refined = self.troubled = self.unconverged = self.jumps = self.renewed = 0
         cloth = self._cloth or self._put_on(snapshot.first_pose, 0.0)
         cloth.go_to(snapshot.place)
@@ -203,15 +206,21 @@ class Simulation:
         """All that this simulation goes on from, for `go_back`.
 
         Raises:
-            ValueRangeError: it has not been started.
+            ValueRangeError: it has not been started, or the cloth has torn.
         """
+        self._require_whole()
         counts = (
             self.substeps, self.retried, self.refined, self.troubled, self.unconverged, self.jumps, self.renewed
         )  # fmt: skip
         return Mark(self._started.frame(), self.solver, counts)
 
     def go_back(self, mark: Mark) -> None:
-        """Be where this simulation was, and know what it knew, in the steps that are taken now."""
+        """Be where this simulation was, and know what it knew, in the steps that are taken now.
+
+        Raises:
+            ValueRangeError: the cloth has torn since.
+        """
+        self._require_whole()
         self._started.go_back_to(mark.frame)
         (
             self.substeps, self.retried, self.refined, self.troubled, self.unconverged, self.jumps, self.renewed
@@ -221,8 +230,11 @@ class Simulation:
         """Go on with another solver, or another number of its substeps, from where the cloth is.
 
         Raises:
-            ValueRangeError: the simulation has not been started, or a ledger keeps the accounts of its solver.
+            ValueRangeError: the simulation has not been started, a ledger keeps the accounts of its solver, or the
+                cloth may tear and is a grid, which only symplectic Euler steps then.
         """
+        if tearable(self.scene, solver) is not self.scene:
+            raise ValueRangeError(f"a grid that may tear was set out with {self.solver.name}: it can't go on otherwise")
         if self.ledger is not None:
             raise ValueRangeError("a ledger keeps the accounts of one solver, which can't be changed")
         self._started.change_solver(solver)
@@ -260,6 +272,8 @@ class Simulation:
                 self.substeps = cloth.choose_substeps(SETTLING_FRAME)
             found |= dict.fromkeys(cloth.requests(keeps_journal=self.ledger is not None))
             found |= dict.fromkeys(Meter(cloth.assembly, measured).requests(cloth.state))
+            if self.scene.tearing is not None:
+                found |= dict.fromkeys(Tears(cloth).requests(cloth))
             if self.ledger is not None:
                 found |= dict.fromkeys(self.ledger.requests(cloth.assembly, cloth.state))
         return list(found)
@@ -320,11 +334,14 @@ class Simulation:
         if cuts is not None and (jumped or cuts.between(cloth.pose, pose.moved(-cloth.origin), dt, cloth.holding)):
             self.jumps += 1
             cloth = self._jump(pose, cuts)
-        pose = pose.moved(-cloth.origin)
-        self.substeps = cloth.choose_substeps(dt, strained=cloth.strained)
+        self._move_on_and_tear(pose.moved(-cloth.origin), dt)
+
+    def _move_on(self, pose: Pose, dt: float, substeps: int) -> None:
+        """Take a frame of `dt` [s], or a part of one, to a pose about the cloth's origin."""
+        cloth = self._started
         cloth.blow(pose, dt)
         with cloth.taken_back() as before:
-            taken = take_frame(cloth, Motion(*cloth.pose, *pose), dt, self.substeps, before, fixed=self._is_fixed)
+            taken = take_frame(cloth, Motion(*cloth.pose, *pose), dt, substeps, before, fixed=self._is_fixed)
         self.retried += taken.exploded
         self.refined += taken.refined
         self.troubled += taken.troubled
@@ -361,6 +378,7 @@ class Simulation:
             raise diverged(cloth.own_choice(SETTLING_FRAME))
         cloth.keeps_journal = self.ledger is not None
         self._cloth = cloth
+        self._tears = None if self.scene.tearing is None else Tears(cloth)
         return cloth
 
     def _jump(self, pose: Pose, cuts: Cuts) -> Hanging:
@@ -406,14 +424,9 @@ class Simulation:
     def read(self, meter: Meter, bones: Bones | None = None) -> Reading:
         """Measure the cloth as it is now; a meter of another scene needs the poses of that scene's bones."""
         cloth = self._started
+        meter.follow(cloth.assembly)
         pose = cloth.pose if bones is None else read_pose(bones, meter.scene.bones).moved(-cloth.origin)
         return meter.read(cloth.state, pose, origin=cloth.origin)
-
-    @property
-    def _started(self) -> Hanging:
-        if self._cloth is None:
-            raise ValueRangeError("the simulation has not been started: call start with the first pose of the bones")
-        return self._cloth
 
 
 def _vector(values: ArrayLike, name: str) -> FloatArray:

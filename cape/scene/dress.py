@@ -18,6 +18,7 @@ from cape.scene.holding.confinement import confine
 from cape.scene.scene import WEARER_ROLES, Scene
 from cape.scene.self_contact import SelfContact
 from cape.scene.stance import room_on_all_fours
+from cape.scene.tearing import Tearing
 from skeleton import proportions
 from skeleton.rest import FRAME_ROLES
 from skeleton.track import BoneTrack
@@ -41,6 +42,7 @@ def dress(
     self_contact: bool | SelfContact | None = None,
     strain_limit: bool = True,
     hold: Mapping[str, str] | None = None,
+    tearing: Tearing | None = None,
 ) -> Scene:
     """Cut a cape for a body and build the scene in which it wears it.
 
@@ -61,9 +63,10 @@ def dress(
         wind: the air; None for still air.
         self_contact: whether, or how, layers of the cape are kept from passing through each other; None where the
             garment falls in folds whose layers meet.
-        strain_limit: whether threads stop stretching at the limits of their fabric.
         hold: bones, by name or role, that hold parts of the garment where it is put on, by the names of its regions, as
             {"collar": "neck"}: in place of the bone that does by itself, if any. What another part already holds stays.
+        strain_limit: whether threads stop stretching at the limits of their fabric; never where they may part.
+        tearing: when the cloth parts; None for never.
 
     Raises:
         ValueRangeError: a size is out of range, or garments can't be worn over each other.
@@ -97,7 +100,8 @@ def dress(
         self_contact=_self_contact(worn.layered if self_contact is None else self_contact),
         thickness=Scene.thickness if worn.thickness is None else worn.thickness,
         confinements=[confine(worn.cloth, k.bone, k.vertices, max_distance=k.most) for k in worn.kept],
-        strain_limit=strain_limit and worn.cloth.has_threads,
+        strain_limit=strain_limit and tearing is None and worn.cloth.has_threads,
+        tearing=tearing,
         wearer=(_beginning(body, WEARER_ROLES[0]), _beginning(body, WEARER_ROLES[1]), WEARER_ROLES[2]),
     )
     for bone in scene.bones:

@@ -15,6 +15,7 @@ from cape.scene.holding.attachments import Attachment
 from cape.scene.holding.confinement import Confinement
 from cape.scene.holding.tethers import Tethers
 from cape.scene.self_contact import SelfContact
+from cape.scene.tearing import Tearing
 from motions.errors import ValueRangeError
 from motions.limits import MOST_COLLIDERS
 from skeleton.shapes import require_known
@@ -47,6 +48,7 @@ class Scene:
             cloth is put on, before they go to where the motion begins; None to put it on there.
         strain_limit: whether threads stop stretching at the limits of their fabric (`Fabric.limit_warp`, `limit_weft`),
             or follow their stiffness alone; those of a grid, or of a mesh that tells which of its edges they are.
+        tearing: when the cloth parts; None for never.
     """
 
     cloth: Cloth
@@ -62,6 +64,7 @@ class Scene:
     wearer: tuple[str, str, str] = WEARER_ROLES
     dressing: Mapping[str, tuple[FloatArray, FloatArray]] | None = None
     strain_limit: bool = False
+    tearing: Tearing | None = None
 
     def __post_init__(self) -> None:
         """Check what can be checked without bones.
@@ -70,7 +73,8 @@ class Scene:
             UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
             ValueRangeError: an attachment is of another cloth, a vertex is attached or confined twice, two colliders
                 share a name or there are too many, a value is out of range, strain is to be limited in a mesh of
-                unknown threads, or something goes by what is held and nothing is.
+                unknown threads, something goes by what is held and nothing is, or a cloth that tears is to be kept
+                from it otherwise.
         """
         for attachment in self.attachments:
             _require_of(self.cloth, attachment)
@@ -90,6 +94,13 @@ class Scene:
             raise ValueRangeError("a bound by the distance from what is held needs an attachment")
         if self.strain_limit and not self.cloth.has_threads:
             raise ValueRangeError("only threads have a strain limit: this cloth is a mesh that does not tell its own")
+        keeping = {
+            "a strain limit": self.strain_limit,
+            "tethers": self.tethers is not None,
+        }
+        if self.tearing is not None and any(keeping.values()):
+            kept = " and ".join(name for name, there in keeping.items() if there)
+            raise ValueRangeError(f"a cloth that tears must bear its own load: leave out {kept}, or the tearing")
         for name in ("friction", "thickness"):
             if not 0.0 <= getattr(self, name) < float("inf"):
                 raise ValueRangeError(f"{name} must be zero or more and finite, not {getattr(self, name)}")

@@ -45,14 +45,17 @@ class StandardScene:
 
 
 def standard_scene(name: str) -> StandardScene:
-    """Build the standard scene of that name.
+    """Build the standard scene of that name, also one that tears (`cape.scene.tearing_scenes`).
 
     Raises:
         UnknownNameError: there is no such scene.
     """
-    if name not in STANDARD_SCENES:
-        raise UnknownNameError("standard scene", name, STANDARD_SCENES)
-    return STANDARD_SCENES[name]()
+    from cape.scene.tearing_scenes import TEARING_SCENES
+
+    scenes = {**STANDARD_SCENES, **TEARING_SCENES}
+    if name not in scenes:
+        raise UnknownNameError("standard scene", name, scenes)
+    return scenes[name]()
 
 
 def swing(

@@ -56,6 +56,7 @@ def run(more):
         wind={"wind": cape.Wind(), "eddies": cape.Wind(turbulence=0.5)}.get(more),
         self_contact=cape.SelfContact() if more == "self-contact" else None,
         strain_limit=more == "strain limit",
+        tearing=cape.Tearing(strain=1.0) if more == "tearing" else None,
     )
     solver = {"xpbd": cape.XPBD(), "implicit": cape.BackwardEuler(precision="single")}
     chosen = solver.get(more, cape.SymplecticEuler(precision="single"))
@@ -108,6 +109,7 @@ OWN = {
     "sliding": {"slide"},
     "soft": {"aim_pull", "pull_vertices"},
     "strain limit": {"limit_down", "limit_across", "begin_drawing", "end_drawing"},  # of these two with colliders
+    "tearing": {"stray_springs", "gauge_grid", "bear"},
     "thread": {"wait_for_all"},
     "xpbd": {"fall_all", "drift_all", "prepare_grid", "solve_grid", "aim_attached"},
     "implicit": {

@@ -10,7 +10,7 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import Delaunay
 
-from cape.assembly.grid_springs import grid_springs
+from cape.assembly.grid.springs import grid_springs
 from cape.assembly.mesh import curvature
 from cape.assembly.mesh.springs import mesh_springs
 from cape.assembly.springs import Springs

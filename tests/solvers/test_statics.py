@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cape import Cloth, Fabric, Scene, attach
-from cape.assembly.grid_springs import LEAST_SHARE
+from cape.assembly.grid.springs import LEAST_SHARE
 from cape.assembly.springs import springs_of
 from cape.solvers import Solver
 from tests.support.scenes import Run, bend_energy, both_solvers, grid_cloth, mesh_cloth, spring_energy

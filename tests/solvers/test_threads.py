@@ -296,7 +296,7 @@ def test_an_interrupt_is_heard_within_a_frame():
         simulation.step(pose, 1 / 60)
     timer.join()
     np.testing.assert_array_equal(simulation.positions, before)
-    (programs,) = simulation._started._running.frames.values()
+    (programs,) = simulation._started.running.frames.values()
     assert 0 < programs._alone._call.part[1] < 1_000_000
 
 

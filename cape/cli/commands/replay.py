@@ -15,6 +15,7 @@ from cape.cli.figures.fitting import fit_facts, fit_rows
 from cape.cli.figures.looping import loop_facts, loop_rows
 from cape.cli.figures.retargeting import retarget_facts, retarget_rows
 from cape.cli.figures.rows import print_rows
+from cape.cli.figures.tearing import tearing_facts, tearing_rows
 from cape.cli.output import open_viewer, output_path
 from cape.cli.reading import Reading, named_pairs
 from cape.cli.running import simulated
@@ -33,6 +34,7 @@ from cape.run.auto import Auto
 from cape.scene.dress import dress
 from cape.scene.jumps import Cuts
 from cape.scene.scene import Scene
+from cape.scene.tearing import Tearing
 from cape.scenes.registry import NamedScene
 from cape.solvers import Solver, solver
 from motions.errors import UnknownNameError, ValueRangeError
@@ -65,6 +67,8 @@ class Cut:
     self_contact: bool | None = None
     strain_limit: bool = True
     hold: tuple[str, ...] = ()
+    tear: float | None = None
+    tear_force: float | None = None
     loop: bool = False
     tables: Tables = NONE
     garments: tuple[str, ...] = ()
@@ -94,6 +98,7 @@ class Cut:
             self_contact=self.self_contact,
             strain_limit=self.strain_limit,
             hold=self._held(),
+            tearing=self.tearing(),
         )
         return self.tables.added_to(scene, who.track)
 
@@ -116,6 +121,7 @@ class Cut:
             registry.garment(name)
         self.air()
         self._held()
+        self.tearing()
         self.method()
         self.way_at_cuts()
 
@@ -136,6 +142,16 @@ class Cut:
 
     def _held(self) -> dict[str, str]:
         return named_pairs(self.hold, "--hold", "EDGE=BONE")
+
+    def tearing(self) -> Tearing | None:
+        """When the cape parts, None for never.
+
+        Raises:
+            ValueRangeError: a value is out of range.
+        """
+        if self.tear is None and self.tear_force is None:
+            return None
+        return Tearing(strain=self.tear, force=self.tear_force)
 
     def way_at_cuts(self) -> Cuts | None:
         """What happens where the bones jump, None for nothing.
@@ -192,7 +208,7 @@ def run(
     if check:
         facts["check"] = checked(take)
     if check or json:
-        facts["layers_crossed"] = round(share_crossed(take.positions, take.triangles, most=LOOKED_AT), 3)
+        facts["layers_crossed"] = round(share_crossed(take.positions, take.triangles_at, most=LOOKED_AT), 3)
     if json:
         print(json_format.dumps(facts))
     else:
@@ -258,6 +274,7 @@ def _facts(take: Take, scene: Scene, bones: int, notes: list[str], path: Path) -
         "penetration_max_mm": round(float(take.penetration.max()) * 1000.0, 3),
         "self_contact_mm": None if scene.self_contact is None else round(1000.0 * contact_thickness(scene), 3),
         "left_out": dict(take.left_out),
+        **tearing_facts(take),
         **loop_facts(take.loop),
         "jumps": list(take.jumps),
         "put_on_anew": list(take.renewed),
@@ -288,6 +305,7 @@ def _print_table(take: Take, facts: dict[str, Any]) -> None:
         ("largest stretch", stretch),
         *fit_rows(facts),
         ("deepest penetration", penetration),
+        *tearing_rows(facts),
         *loop_rows(facts),
         *check_rows(facts.get("check", {})),
         ("result", facts["result"]),

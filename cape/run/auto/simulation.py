@@ -66,8 +66,10 @@ class AutoSimulation(Simulation):
             clock: tells the time [s]; only what is asked to stay within a budget looks at it.
 
         Raises:
-            ValueRangeError: the number of threads is not positive.
+            ValueRangeError: the number of threads is not positive, or the cloth may tear.
         """
+        if scene.tearing is not None:
+            raise ValueRangeError("a cloth that may tear can't be tried with several solvers: name one")
         super().__init__(scene, solver=XPBD(), threads=threads, cuts=cuts)
         self.asked = asked
         self.errors: list[StepError] = []

@@ -22,6 +22,7 @@ differences alone it is half of that at 45 degrees.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,38 +37,45 @@ IntArray = NDArray[np.int64]
 LEAST_SHARE = 0.1
 
 
+class CellStiffness(NamedTuple):
+    """What R - 1 times C - 1 cells add to springs, and lengths at rest.
+
+    `across` (R, C - 1) and `along` (R - 1, C) [m] of edges. Of each cell, shape (R - 1, C - 1): `right` and `down` of
+    each of its two edges across and along, `diagonal` of either of them, and `twist` [N/m]; of the strip that each
+    thread on its border carries in it, in all layers, the `height` and the `width` [m].
+    """
+
+    across: FloatArray
+    along: FloatArray
+    right: FloatArray
+    down: FloatArray
+    diagonal: FloatArray
+    twist: FloatArray
+    height: FloatArray
+    width: FloatArray
+
+
 def grid_springs(cloth: GridCloth) -> Springs:
     """Derive the springs of a grid from its shape at rest and its fabric."""
     rows, columns, fabric = cloth.rows, cloth.columns, cloth.fabric
-    grid = cloth.places_at_rest.reshape(rows, columns, -1)
-    across = np.linalg.norm(np.diff(grid, axis=1), axis=2)
-    along = np.linalg.norm(np.diff(grid, axis=0), axis=2)
-    layers = np.ones_like(across[1:]) if cloth.layers is None else cloth.layers
-    along_warp = layers if cloth.gathers is None else layers * cloth.gathers
-    a = (across[:-1] + across[1:]) / 2.0
-    b = (along[:, :-1] + along[:, 1:]) / 2.0
-
+    cells = cell_stiffness(cloth)
     right, down = np.zeros((rows, columns)), np.zeros((rows, columns))
-    warp, weft = fabric.stretch_warp, fabric.stretch_weft
-    half = 0.5 * layers * (b / a) * np.maximum(weft - fabric.shear * (a / b) ** 2, LEAST_SHARE * weft)
-    right[:-1, :-1] += half
-    right[1:, :-1] += half
-    half = 0.5 * along_warp * (a / b) * np.maximum(warp - fabric.shear * (b / a) ** 2, LEAST_SHARE * warp)
-    down[:-1, :-1] += half
-    down[:-1, 1:] += half
+    right[:-1, :-1] += cells.right
+    right[1:, :-1] += cells.right
+    down[:-1, :-1] += cells.down
+    down[:-1, 1:] += cells.down
     diagonal, anti = np.zeros((rows, columns)), np.zeros((rows, columns))
-    diagonal[:-1, :-1] = anti[:-1, 1:] = layers * fabric.shear * (a**2 + b**2) / (2.0 * a * b)
+    diagonal[:-1, :-1] = anti[:-1, 1:] = cells.diagonal
 
-    # Each thread carries a strip as wide as half of its cells on both sides, in all of their layers.
     height, width = np.zeros((rows, columns - 1)), np.zeros((rows - 1, columns))
-    height[:-1] += layers * b / 2.0
-    height[1:] += layers * b / 2.0
-    width[:, :-1] += along_warp * a / 2.0
-    width[:, 1:] += along_warp * a / 2.0
+    height[:-1] += cells.height
+    height[1:] += cells.height
+    width[:, :-1] += cells.width
+    width[:, 1:] += cells.width
     bend_right, bend_down, twist = np.zeros((3, rows, columns))
-    bend_right[:, :-2] = fabric.bend_weft * _middle(height, 1) / _middle(across, 1) ** 3
-    bend_down[:-2] = fabric.bend_warp * _middle(width, 0) / _middle(along, 0) ** 3
-    twist[:-1, :-1] = 2.0 * layers * math.sqrt(fabric.bend_weft * fabric.bend_warp) / (a * b)
+    bend_right[:, :-2] = fabric.bend_weft * _middle(height, 1) / _middle(cells.across, 1) ** 3
+    bend_down[:-2] = fabric.bend_warp * _middle(width, 0) / _middle(cells.along, 0) ** 3
+    twist[:-1, :-1] = cells.twist
 
     offsets = np.array([1, columns, columns + 1, columns - 1])
     rest = np.ones((4, rows * columns))
@@ -94,6 +102,29 @@ def grid_springs(cloth: GridCloth) -> Springs:
         bend_coefficients=bends[1],
         bend_stiffness=bends[2],
         families=families,
+    )
+
+
+def cell_stiffness(cloth: GridCloth) -> CellStiffness:
+    """What each cell of a grid adds to its springs."""
+    rows, columns, fabric = cloth.rows, cloth.columns, cloth.fabric
+    grid = cloth.places_at_rest.reshape(rows, columns, -1)
+    across = np.linalg.norm(np.diff(grid, axis=1), axis=2)
+    along = np.linalg.norm(np.diff(grid, axis=0), axis=2)
+    layers = np.ones_like(across[1:]) if cloth.layers is None else cloth.layers
+    along_warp = layers if cloth.gathers is None else layers * cloth.gathers
+    a = (across[:-1] + across[1:]) / 2.0
+    b = (along[:, :-1] + along[:, 1:]) / 2.0
+    warp, weft = fabric.stretch_warp, fabric.stretch_weft
+    return CellStiffness(
+        across=across,
+        along=along,
+        right=0.5 * layers * (b / a) * np.maximum(weft - fabric.shear * (a / b) ** 2, LEAST_SHARE * weft),
+        down=0.5 * along_warp * (a / b) * np.maximum(warp - fabric.shear * (b / a) ** 2, LEAST_SHARE * warp),
+        diagonal=layers * fabric.shear * (a**2 + b**2) / (2.0 * a * b),
+        twist=2.0 * layers * math.sqrt(fabric.bend_weft * fabric.bend_warp) / (a * b),
+        height=layers * b / 2.0,
+        width=along_warp * a / 2.0,
     )
 
 

@@ -1,0 +1,1 @@
+"""Grids as arrays: their springs, also where they have split."""

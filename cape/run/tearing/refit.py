@@ -1,0 +1,180 @@
+"""How the arrays of a running cloth follow what has split.
+
+A grid has spare vertices, and lists with room for all that its cells may leave astray: what has changed is written in
+place, and the programs of a frame stay as they are. A mesh, and a grid whose spare vertices are used up, are assembled
+anew, which takes the time of many frames.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.assemble import Assembly, assemble, inverse_of, spare_rows
+from cape.assembly.grid.split_springs import Changed, SplitSprings, move_springs
+from cape.assembly.self_contact import layers_of
+from cape.cloth.cloth import MeshCloth
+from cape.cloth.split_grid import SplitGrid
+from cape.forces.air import Air
+from cape.forces.elastic import Elastic
+from cape.forces.strays import Strays, StraysInAir, fill_air, fill_springs
+from cape.forces.viscous_air import ViscousAir
+from cape.kernels.state import State
+from cape.run.hanging import Hanging
+from cape.run.tearing.layers import split_layers
+from cape.run.tearing.sheet import Sheet
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def refit(cloth: Hanging, sheet: Sheet, copies: IntArray) -> float:
+    """Have a cloth go on split as a sheet is, whose last vertices are copies of the given ones.
+
+    They are where those are, and as fast; masses are those of the triangles that each is left with.
+    What was stored in what no longer resists is given [J].
+    """
+    grid = cloth.assembly.cloth
+    if not isinstance(grid, SplitGrid):
+        return _assemble_mesh(cloth, sheet, copies)
+    if sheet.vertices > grid.vertices:
+        _enlarge(cloth, sheet.vertices)
+        grid = cloth.assembly.cloth
+        assert isinstance(grid, SplitGrid)
+    first = sheet.vertices - len(copies)
+    for component in cloth.state:
+        component[first : sheet.vertices] = component[copies]
+    before, grid = grid, grid.split(sheet.cells, sheet.parents)
+    moved = np.flatnonzero((before.corners != grid.corners).any(axis=1))
+    springs = cloth.assembly.springs
+    assert isinstance(springs, SplitSprings)
+    changed = move_springs(springs, grid, moved)
+    assembly = replace(cloth.assembly, cloth=grid, springs=replace(springs))
+    _weigh(assembly, first, sheet.vertices)
+    if assembly.contacts.faces is not None:
+        _move_faces(assembly, before.triangles, grid.triangles)
+    _fill(cloth.running.arrays, assembly, changed, moved)
+    cloth.assembly = cloth.running.assembly = assembly
+    return changed.energy(np.stack(cloth.state[:3], axis=1).astype(float))
+
+
+def look_at_layers(cloth: Hanging) -> None:
+    """Have contact of a cloth with itself know what has split."""
+    assembly, known = cloth.assembly, cloth.assembly.layers
+    if known is None or split_layers(known, assembly.cloth):
+        return
+    found = layers_of(assembly.scene, assembly.cloth, alarm=known.alarm, spreads=known.spreads)
+    assert found is not None
+    cloth.assembly = assembly.with_layers(found)
+    cloth.running.go_on_with(cloth.assembly)
+
+
+def _weigh(assembly: Assembly, first: int, after: int) -> None:
+    """Set masses, and set vertices free that were spare and are copies of free ones."""
+    mass = assembly.cloth.masses()
+    assembly.free[first:after] = True
+    assembly.contacts.free[first:after] = True
+    assembly.mass[:] = mass
+    assembly.inverse_mass[:] = inverse_of(mass, assembly.free)
+
+
+def _move_faces(assembly: Assembly, before: NDArray[np.int32], now: NDArray[np.int32]) -> None:
+    """Give triangles that colliders could poke through their corners, which were others before, shape (T, 3)."""
+    faces = assembly.contacts.faces
+    assert faces is not None
+    changed = np.flatnonzero((before != now).any(axis=1))
+    count = assembly.cloth.vertices
+    numbered = faces.corners.T.astype(np.int64) @ [count * count, count, 1]
+    wanted = before[changed].astype(np.int64) @ [count * count, count, 1]
+    order = np.argsort(numbered)
+    places = order[np.minimum(np.searchsorted(numbered, wanted, sorter=order), len(order) - 1)]
+    there = numbered[places] == wanted
+    faces.corners[:, places[there]] = now[changed[there]].T
+    faces.known_of[places[there]] = -1
+
+
+def _fill(arrays: Any, assembly: Assembly, changed: Changed, cells: IntArray) -> None:
+    """Write springs that have changed, masses, and cells (c,) that have moved into the arrays of a solver."""
+    springs, forces, grid = assembly.springs, arrays.forces, assembly.cloth
+    assert isinstance(springs, SplitSprings)
+    assert isinstance(grid, SplitGrid)
+    families, links = springs.families, forces[Elastic]
+    assert families is not None
+    family, start = np.divmod(changed.slots, grid.whole.vertices)
+    links.springs.stiffness[family, start] = families.stiffness[family, start]
+    if links.bends is not None:
+        start = changed.bend_slots % grid.whole.vertices
+        links.bends.stiffness[:2, grid.columns + start] = families.bend_stiffness[:, start]
+        links.bends.stiffness[2, grid.columns + start] = families.twist_stiffness[start]
+    fill_springs(forces[Strays].springs, springs)
+    if Air in forces:
+        forces[Air].air.cells[grid.whole_cells[cells, 0]] = 0.0
+        fill_air(forces[StraysInAir].air, grid)
+    wind = assembly.scene.wind
+    if ViscousAir in forces and wind is not None:
+        forces[ViscousAir].skin.drag[:] = wind.viscous / grid.fabric.density * assembly.mass
+    arrays.inertia.mass[:], arrays.inertia.free[:] = assembly.mass, assembly.free
+    arrays.inertia.inverse_mass[:] = assembly.inverse_mass
+
+
+def _enlarge(cloth: Hanging, vertices: int) -> None:
+    """Make more room for a grid, for so many vertices at least."""
+    assembly, grid = cloth.assembly, cloth.assembly.cloth
+    assert isinstance(grid, SplitGrid)
+    missing = -(-(vertices - grid.vertices) // grid.columns)
+    rows = grid.rows - grid.whole.rows + max(missing, spare_rows(grid.whole))
+    larger = SplitGrid.of(grid.whole, rows).split(grid.corners, grid.parents)
+    grown = assemble(assembly.scene, cloth.held, threads=len(assembly.ranks), split=larger)
+    _go_on_in(cloth, grown, State(*(grown.inwards(component[: grid.in_use]) for component in cloth.state)))
+
+
+def _go_on_in(cloth: Hanging, assembly: Assembly, state: State) -> None:
+    """Have a cloth go on in another assembly of the same bones and what they hold, at a state about its origin."""
+    for now, before in zip(assembly.carried, cloth.assembly.carried, strict=True):
+        now.points[:], now.lift[:], now.drift[:] = before.points, before.lift, before.drift
+    confined, kept = assembly.confined, cloth.assembly.confined
+    if confined is not None and kept is not None:
+        confined.animated.points[:], confined.normals[:] = kept.animated.points, kept.normals
+    assembly.wind[:] = cloth.assembly.wind
+    cloth.begin_in(assembly, state)
+    cloth.look()
+
+
+def _assemble_mesh(cloth: Hanging, sheet: Sheet, copies: IntArray) -> float:
+    """Assemble a mesh anew as it has split; gives by how much less energy it stores [J]."""
+    assembly, stored = cloth.assembly, _elastic_energy(cloth)
+    mesh = assembly.scene.cloth
+    assert isinstance(mesh, MeshCloth)
+    split = split_mesh(mesh, sheet, copies)
+    state = [np.concatenate([values, values[copies]]) for values in map(assembly.outwards, cloth.state)]
+    scene = replace(
+        assembly.scene,
+        cloth=split,
+        attachments=[replace(each, cloth_vertices=split.vertices) for each in assembly.scene.attachments],
+        confinements=[
+            replace(each, animated=replace(each.animated, cloth_vertices=split.vertices))
+            for each in assembly.scene.confinements
+        ],
+    )
+    grown = assemble(scene, cloth.held, threads=len(assembly.ranks))
+    _go_on_in(cloth, grown, State(*(np.ascontiguousarray(grown.inwards(values)) for values in state)))
+    return stored - _elastic_energy(cloth)
+
+
+def _elastic_energy(cloth: Hanging) -> float:
+    return Elastic.energy(cloth.assembly, np.stack(cloth.state[:3], axis=1).astype(float))
+
+
+def split_mesh(mesh: MeshCloth, sheet: Sheet, copies: IntArray) -> MeshCloth:
+    """A mesh as a sheet of it has split, with copies of some of its vertices behind the others."""
+    grown = {
+        name: np.concatenate([getattr(mesh, name), getattr(mesh, name)[copies]]) for name in ("pattern", "positions")
+    }
+    threads = mesh.threads
+    if threads is not None:
+        ends = np.sort(np.stack([sheet.cells, np.roll(sheet.cells, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+        usual = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+        along = np.isin(usual @ [mesh.vertices, 1], threads @ [mesh.vertices, 1])
+        threads = np.unique(ends[along], axis=0)
+    return replace(mesh, faces=sheet.cells, threads=threads, **grown)

@@ -1,0 +1,31 @@
+"""From a cloth to the sheet that splits, and back to triangles."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.cloth.cloth import Cloth, GridCloth, areas
+from cape.run.tearing.sheet import Sheet
+
+AROUND = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])  # along the sides of a grid's cells
+
+
+def sheet_of(cloth: Cloth, fixed: NDArray[np.bool_]) -> Sheet:
+    """A whole cloth as a sheet; `fixed` are the vertices that never split, shape (V,)."""
+    if isinstance(cloth, GridCloth):
+        cells = cloth.cells
+        area = areas(cloth.corners_at_rest).reshape(2, -1).sum(axis=0)
+        ways = np.broadcast_to(AROUND, (len(cells), 4, 2))
+    else:
+        cells, corners = cloth.triangles.astype(np.int64), cloth.corners_at_rest
+        sides = np.roll(corners, -1, axis=1) - corners
+        ways = sides / np.linalg.norm(sides, axis=2, keepdims=True)
+        area = areas(corners)
+    return Sheet.whole(cells, ways, area, fixed)
+
+
+def triangles_of(cloth: Cloth, sheet: Sheet) -> NDArray[np.int32]:
+    """The triangles of a cloth (T, 3), in its own order, as a sheet of it has split."""
+    cells = sheet.cells.astype(np.int32)
+    if not isinstance(cloth, GridCloth):
+        return cells
+    return np.concatenate([cells[:, [0, 3, 1]], cells[:, [2, 1, 3]]])

@@ -1,0 +1,124 @@
+"""How a running cloth tears, from frame to frame.
+
+It is seen where the cloth parts at the end of each frame, and of each part of a long one. A tear goes on by at most a
+few edges at each of its tips then, and what is left bears the load by its springs and its inertia until the next time.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cape.cloth.cloth import GridCloth
+from cape.cloth.split_grid import SplitGrid
+from cape.kernels.state import State
+from cape.kernels.store import Request
+from cape.run.hanging import Hanging
+from cape.run.tearing.cracks import parting
+from cape.run.tearing.layers import patch_order
+from cape.run.tearing.loads import Loads, Scale
+from cape.run.tearing.refit import look_at_layers, refit
+from cape.run.tearing.sheet import Edge, Sheet
+from cape.run.tearing.sheets import sheet_of, triangles_of
+from motions.errors import ValueRangeError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+PARTS = 2  # of a long frame in which the cloth may part; shorter ones would take more time for what is parted
+LONG = 500_000  # vertices times steps, some 10 ms
+WARY = 0.7  # of what it may bear, from which on it may do so in the next frame
+
+
+class Tears:
+    """The tears of one cloth that hangs.
+
+    Attributes:
+        sheet: how its cells share corners.
+        released: energy that was stored in what bent across edges that have parted [J].
+    """
+
+    def __init__(self, cloth: Hanging) -> None:
+        """Begin with a cloth that is whole."""
+        scene = cloth.assembly.scene
+        assert scene.tearing is not None
+        self._cloth = scene.cloth
+        fixed = np.zeros(self._cloth.vertices, bool)
+        for vertices in cloth.held:
+            fixed[vertices] = True
+        self.sheet = sheet_of(self._cloth, fixed)
+        self.released = 0.0
+        self._scale = Scale(self._cloth, scene.tearing)
+        self._wary, self._layers_known = False, True
+        if cloth.assembly.layers is not None and isinstance(self._cloth, GridCloth):
+            patch_order(self._cloth)  # which is remembered, so that no frame takes the time
+
+    def parts(self, cloth: Hanging, substeps: int) -> int:
+        """In how many parts the next frame of so many substeps is to be taken."""
+        return PARTS if self._wary and cloth.state.x.size * substeps >= LONG else 1
+
+    @property
+    def triangles(self) -> NDArray[np.int32]:
+        """Vertices of the triangles as they are now, shape (T, 3)."""
+        return triangles_of(self._cloth, self.sheet)
+
+    def look(self, cloth: Hanging) -> None:
+        """Let the cloth part where it bears too much."""
+        loads = self._weigh(cloth)
+        self._wary = loads.worst > WARY
+        if loads.worst <= 1.0:
+            return
+        self._go_on(cloth, *parting(self.sheet, loads))
+
+    def _weigh(self, cloth: Hanging) -> Loads:
+        """What the vertices bear as the sheet numbers them."""
+        assembly, state = cloth.assembly, cloth.state
+        if assembly.order is not None:
+            state = State(*(np.ascontiguousarray(assembly.outwards(component)) for component in state))
+        return self._scale.loads(self.sheet, state)
+
+    def requests(self, cloth: Hanging) -> list[Request]:
+        """The code that a run needs besides that of the cloth."""
+        return self._scale.requests(self.sheet, cloth.state)
+
+    def part(self, cloth: Hanging, vertices: ArrayLike) -> int:
+        """Part the edges from each of some vertices to the next, shape (n,); gives how many have parted.
+
+        Raises:
+            ValueRangeError: a vertex is none, or two are no neighbours.
+        """
+        before = self.sheet.tears
+        self._go_on(cloth, *self.sheet.split(edges_along(self.sheet, vertices)))
+        self.end_frame(cloth)
+        return self.sheet.tears - before
+
+    def end_frame(self, cloth: Hanging) -> None:
+        """Have contact of the cloth with itself know of edges that have parted."""
+        if not self._layers_known:
+            look_at_layers(cloth)
+        self._layers_known = True
+
+    def _go_on(self, cloth: Hanging, sheet: Sheet, copies: IntArray) -> None:
+        """Go on with another sheet, whose last vertices are copies of the given ones."""
+        if not len(copies):
+            return
+        self.released += refit(cloth, sheet, copies)
+        self.sheet = sheet
+        self._layers_known = cloth.assembly.layers is None or not isinstance(cloth.assembly.cloth, SplitGrid)
+
+
+def edges_along(sheet: Sheet, vertices: ArrayLike) -> list[Edge]:
+    """The edges from each of some vertices to the next, shape (n,).
+
+    Raises:
+        ValueRangeError: a vertex is none, or two are no neighbours.
+    """
+    path = np.asarray(vertices)
+    if path.ndim != 1 or len(path) < 2 or path.dtype.kind not in "iu":
+        raise ValueRangeError("a tear leads along the edges between at least two vertices, given by whole numbers")
+    if (outside := (path < 0) | (path >= sheet.vertices)).any():
+        raise ValueRangeError(f"vertex {path[outside][0]} is outside of a cloth of {sheet.vertices} vertices")
+    for first, second in zip(path[:-1].tolist(), path[1:].tolist(), strict=True):
+        near = sheet.edges_at(first)
+        if second not in near:
+            there = ", ".join(map(str, sorted(near)))
+            raise ValueRangeError(f"no edge leads from vertex {first} to {second}; from there they lead to {there}")
+    return [(min(a, b), max(a, b)) for a, b in zip(path[:-1].tolist(), path[1:].tolist(), strict=True)]
