@@ -132,7 +132,7 @@ def loose_warnings(take: Take) -> list[str]:
     if most > MOSTLY:
         first = next(frame for frame, share in loose if share > MOSTLY)
         return [f"the cape comes off at frame {first}: {most:.0%} of it hang on nothing in the end"]
-    return [f"{most:.0%} of the cape come off, the first at frame {first}"] if most > 0.0 else []
+    return [f"{most:.1%} of the cape come off, the first at frame {first}"] if most > 0.0 else []
 
 
 def _share_loose(topology: Topology, held: NDArray[np.int64]) -> float:

@@ -1,5 +1,7 @@
 """A cloth across a tear: what it keeps, the forces on what has split, threads, solvers."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -111,9 +113,9 @@ def drawn_apart(cloth: cape.Cloth, *, threads: int = 1, frames: int = 25, solver
 DRAWN = {"grid": GRID, "mesh": mesh_of(cape.Cloth.rectangle(width=0.2, height=0.3, spacing=0.05, fabric=FABRIC))}
 
 
-@pytest.mark.parametrize("kind", DRAWN)
-def test_a_sheet_that_is_drawn_apart_parts_in_two_the_same_on_all_threads(kind):
-    one, two = (drawn_apart(DRAWN[kind], threads=threads, wind=cape.Wind()) for threads in (1, 2))
+@pytest.mark.parametrize(("kind", "more"), [("grid", {}), ("grid", {"self_contact": cape.SelfContact()}), ("mesh", {})])
+def test_a_sheet_that_is_drawn_apart_parts_in_two_the_same_on_all_threads(kind, more):
+    one, two = (drawn_apart(DRAWN[kind], threads=threads, wind=cape.Wind(), **more) for threads in (1, 2))
     cloth = DRAWN[kind]
     assert one.tears == two.tears >= len(cloth.regions["top"]) - 1
     assert np.array_equal(one.positions, two.positions)
@@ -187,3 +189,22 @@ def test_what_can_not_be_torn_is_told():
     simulation.tear(ACROSS)
     with pytest.raises(ValueRangeError, match="torn"):
         simulation.go_back(mark)
+
+
+def test_patches_of_contact_with_itself_follow_what_has_split():
+    simulation = crumpled(GRID, self_contact=cape.SelfContact())
+    simulation.tear(ACROSS)
+    simulation.tear([2, GRID.columns + 2, 2 * GRID.columns + 2])
+    patches, triangles = simulation.assembly.layers.patches, simulation.topology.triangles
+    assert set(map(tuple, patches.triangles.T.tolist())) == set(map(tuple, triangles.tolist()))
+    ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    known = patches.edges[:, : patches.edge_start[-1]].T
+    assert np.array_equal(np.unique(known, axis=0), np.unique(ends, axis=0))
+    assert len(known) == len(np.unique(ends, axis=0))
+    assert sorted(patches.vertices[: patches.vertex_start[-1]].tolist()) == list(range(len(simulation.positions)))
+    # Each is in a patch of a triangle that has it.
+    for lists, starts, width in ((known, patches.edge_start, 2), (patches.vertices[:, None], patches.vertex_start, 1)):
+        for patch, (start, end) in enumerate(pairwise(starts)):
+            own = patches.triangles[:, slice(*patches.triangle_start[patch : patch + 2])].T
+            for item in lists[start:end]:
+                assert (np.isin(own, item).sum(axis=1) >= width).any()
