@@ -65,7 +65,7 @@ def test_mass_momentum_and_energy_across_a_tear(kind):
 
 
 def test_forces_of_a_torn_grid_are_those_of_its_energy():
-    fabric = cape.Fabric(density=0.2, stretch=2000.0, shear=20.0, bend=1e-5, damping_time=0.0, bend_damping_time=0.0)
+    fabric = cape.Fabric(density=0.2, stretch=2000.0, shear=20.0, bend=1.0, damping_time=0.0, bend_damping_time=0.0)
     simulation = crumpled(cape.Cloth.rectangle(width=0.3, height=0.3, spacing=0.05, fabric=fabric))
     simulation.tear([21, 22, 23, 30, 31])
     x, v = simulation.positions, simulation.velocities
