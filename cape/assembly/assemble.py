@@ -202,7 +202,7 @@ def assemble(
     )
 
 
-SPARE = 0.125  # of a grid's vertices, that it may get by splitting until more room is made
+SPARE = 0.0625  # of a grid's vertices, that it may get by splitting until more room is made
 
 
 def spare_rows(cloth: GridCloth) -> int:

@@ -34,7 +34,7 @@ def parting(sheet: Sheet, loads: Loads) -> tuple[Sheet, IntArray]:
     tips = over[sheet.torn[over]].tolist()
     edges = _edges_at_tips(sheet, tips, ratio, loads.along)
     if not edges:
-        order = sorted(ratio, key=lambda vertex: (-ratio[vertex], vertex))
+        order = over[np.argsort(-loads.ratio[over], kind="stable")].tolist()
         edges = next((found for vertex in order if (found := edges_parting(sheet, vertex, loads.along[vertex]))), [])
     for _ in range(ROUNDS):
         if not edges:

@@ -26,7 +26,7 @@ class Sheet:
     Attributes:
         cells: vertices of each cell, one side after the other, shape (P, k).
         around: the cells that have each of the V vertices as a corner, in their order.
-        ways: unit vectors along weft and warp from each corner to the next, at rest, shape (P, k, 2).
+        ways: from each corner of each cell to the next, at rest.
         area: of each cell at rest, one layer of it [m2], shape (P,).
         parents: the vertex of the whole cloth that each of the V vertices is, or is a copy of, shape (V,).
         fixed: which of the V vertices never split, shape (V,).
@@ -36,7 +36,7 @@ class Sheet:
 
     cells: IntArray
     around: Sequence[Sequence[int]]
-    ways: FloatArray
+    ways: Sequence[Sequence[Way]]
     area: FloatArray
     parents: IntArray
     fixed: NDArray[np.bool_]
@@ -44,7 +44,7 @@ class Sheet:
     torn: NDArray[np.bool_]
 
     @staticmethod
-    def whole(cells: IntArray, ways: FloatArray, area: FloatArray, fixed: NDArray[np.bool_]) -> "Sheet":
+    def whole(cells: IntArray, ways: Sequence[Sequence[Way]], area: FloatArray, fixed: NDArray[np.bool_]) -> "Sheet":
         """One that has not parted; see the attributes."""
         around: list[list[int]] = [[] for _ in fixed]
         for cell, corners in enumerate(cells.tolist()):
@@ -62,11 +62,11 @@ class Sheet:
         edges: dict[int, list[tuple[int, Way]]] = {}
         k = self.cells.shape[1]
         for cell in self.around[vertex]:
-            corners, ways = self.cells[cell].tolist(), self.ways[cell].tolist()
+            corners, ways = self.cells[cell].tolist(), self.ways[cell]
             at = corners.index(vertex)
-            (u, v), (w, x) = ways[at], ways[at - 1]
-            edges.setdefault(corners[(at + 1) % k], []).append((cell, (u, v)))
-            edges.setdefault(corners[at - 1], []).append((cell, (-w, -x)))
+            u, v = ways[at - 1]
+            edges.setdefault(corners[(at + 1) % k], []).append((cell, ways[at]))
+            edges.setdefault(corners[at - 1], []).append((cell, (-u, -v)))
         return edges
 
     def split(self, parted: Iterable[Edge]) -> tuple["Sheet", IntArray]:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from cape.cloth.cloth import Cloth, GridCloth, areas
 from cape.run.tearing.sheet import Sheet
 
-AROUND = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])  # along the sides of a grid's cells
+AROUND = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))  # along the sides of a grid's cells
 
 
 def sheet_of(cloth: Cloth, fixed: NDArray[np.bool_]) -> Sheet:
@@ -14,11 +14,11 @@ def sheet_of(cloth: Cloth, fixed: NDArray[np.bool_]) -> Sheet:
     if isinstance(cloth, GridCloth):
         cells = cloth.cells
         area = areas(cloth.corners_at_rest).reshape(2, -1).sum(axis=0)
-        ways = np.broadcast_to(AROUND, (len(cells), 4, 2))
+        ways = [AROUND] * len(cells)
     else:
         cells, corners = cloth.triangles.astype(np.int64), cloth.corners_at_rest
         sides = np.roll(corners, -1, axis=1) - corners
-        ways = sides / np.linalg.norm(sides, axis=2, keepdims=True)
+        ways = (sides / np.linalg.norm(sides, axis=2, keepdims=True)).tolist()
         area = areas(corners)
     return Sheet.whole(cells, ways, area, fixed)
 
