@@ -80,6 +80,8 @@ def _on_stage(named: NamedScene, reading: Reading, cut: "Cut", hitboxes: str | N
         scene = replace(scene, self_contact=SelfContact() if cut.self_contact else None)
     if not cut.strain_limit:
         scene = replace(scene, strain_limit=False)
+    if (tearing := cut.tearing()) is not None:
+        scene = replace(scene, strain_limit=False, tearing=tearing)
     return Staged(standard.name, _until(track, reading), scene)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from cape.scene import tearing_scenes
 from cape.scene.standard_scenes import STANDARD_SCENES, StandardScene
 from cape.scenes import figures
 from motions.errors import UnknownNameError
@@ -34,6 +35,8 @@ SCENES: dict[str, NamedScene] = {
         NamedScene("sphere", "a sheet falls onto a sphere", figures.on_sphere),
         NamedScene("cube", "a sheet falls onto a cube", figures.on_cube),
         NamedScene("look", "a ribbed silk in folds: weave, sheen and lining", figures.look),
+        NamedScene("torn", "a heavy ball falls through a sheet, which tears", tearing_scenes.torn),
+        NamedScene("caught", "a cape whose hem is caught walks off and leaves a piece behind", tearing_scenes.caught),
         NamedScene(
             "cape",
             "a character in a cape stands, walks, runs and kicks",
