@@ -32,6 +32,7 @@ def layout(
     *,
     tab: str = "cape",
     linings: Mapping[str, Color] | None = None,
+    notes: str | None = None,
 ) -> rrb.Blueprint:
     """A view that follows the figure from behind, a second one for debugging contact a tab away, the curves below.
 
@@ -44,6 +45,7 @@ def layout(
         colliders: that are in the layer of hitboxes.
         tab: "cape" or "hitboxes", which of the two is in front.
         linings: colours of the cloths' insides by the cloths' paths; None for no cloth.
+        notes: path of an entity with text to read beside the curves; None for none.
     """
     import rerun.blueprint as rrb
 
@@ -53,7 +55,8 @@ def layout(
     if "plots" not in layers:
         return rrb.Blueprint(scene, time, collapse_panels=True)
     legend = rrb.PlotLegend(visible=len(linings) > 1)
-    curves = rrb.Horizontal(
+    read = [] if notes is None else [rrb.TextLogView(origin=notes, name="notes")]
+    below = rrb.Horizontal(
         *(
             rrb.TimeSeriesView(origin=f"/plots/{entity}", name=title, plot_legend=legend)
             for entity, title in [
@@ -61,9 +64,10 @@ def layout(
                 ("penetration", "deepest penetration [mm]"),
                 ("kinetic_energy", "kinetic energy [J]"),
             ]
-        )
+        ),
+        *read,
     )
-    return rrb.Blueprint(rrb.Vertical(scene, curves, row_shares=[4, 1]), time, collapse_panels=True)
+    return rrb.Blueprint(rrb.Vertical(scene, below, row_shares=[4, 1]), time, collapse_panels=True)
 
 
 def _scene(

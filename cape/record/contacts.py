@@ -35,15 +35,13 @@ def log_contacts(
     """Put points on `/points` below the path, their class the collider, and normals on `/normals`."""
     import rerun as rr
 
-    names = [rr.AnnotationInfo(id=index, label=collider.name) for index, collider in enumerate(colliders)]
-    send_once(stream, path, rr.AnnotationContext(names))
-    send_once(
-        stream,
-        f"{path}/points",
-        rr.Points3D.from_fields(radii=rr.Radius.ui_points(POINT_SIZE), show_labels=False),
-    )
-    arrows = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=ARROW_COLOR, show_labels=False)
-    send_once(stream, f"{path}/normals", arrows)
+    if frames.begins:
+        names = [rr.AnnotationInfo(id=index, label=collider.name) for index, collider in enumerate(colliders)]
+        send_once(stream, path, rr.AnnotationContext(names))
+        points = rr.Points3D.from_fields(radii=rr.Radius.ui_points(POINT_SIZE), show_labels=False)
+        send_once(stream, f"{path}/points", points)
+        arrows = rr.Arrows3D.from_fields(radii=ARROW_RADIUS, colors=ARROW_COLOR, show_labels=False)
+        send_once(stream, f"{path}/normals", arrows)
     size = BYTES_PER_CONTACT * int(contacts.counts.max(initial=0))
     for block in frames.blocks(size):
         some = contacts.select(frames.numbers[block])

@@ -23,10 +23,12 @@ class Frames:
     Attributes:
         numbers: which frames of the motion they are, increasing, shape (F,).
         times: their times [s], shape (F,).
+        begins: whether what holds at all times goes with them; not with frames that follow others.
     """
 
     numbers: NDArray[np.int64]
     times: NDArray[np.float64]
+    begins: bool = True
 
     def blocks(self, bytes_per_frame: int) -> Iterator[slice]:
         """Cut the frames into runs that fill a chunk each."""

@@ -52,10 +52,11 @@ def log_cape(
     """Put the cloth on its path: the texture of its outside on both sides; the blueprint draws the lining."""
     import rerun as rr
 
-    texture = plain(look.color) if take.cloth is None else texture_of(take.cloth, look)
     changes = {} if take.tears == 0 else {t.frame: t.triangles for t in take.topologies}
-    always = {} if changes else {"triangle_indices": take.triangles}
-    send_once(stream, path, rr.Mesh3D.from_fields(vertex_texcoords=take.texcoords, **always, **albedo(texture)))
+    if frames.begins:
+        texture = plain(look.color) if take.cloth is None else texture_of(take.cloth, look)
+        always = {} if changes else {"triangle_indices": take.triangles}
+        send_once(stream, path, rr.Mesh3D.from_fields(vertex_texcoords=take.texcoords, **always, **albedo(texture)))
     for block in frames.blocks(2 * take.positions[0].nbytes):
         numbers = frames.numbers[block]
         positions = take.positions[numbers]
@@ -127,5 +128,6 @@ def log_plots(
     for entity, name, color, values in curves:
         path = rr.new_entity_path(["plots", entity] + ([] if cloth is None else [cloth]))
         shown = {"names": name, "colors": color} if cloth is None else {"names": cloth, "colors": cloth_color}
-        send_once(stream, path, rr.SeriesLines(**shown, widths=2.0))
+        if frames.begins:
+            send_once(stream, path, rr.SeriesLines(**shown, widths=2.0))
         frames.send(stream, path, rr.Scalars, {"scalars": values[frames.numbers][:, None]})

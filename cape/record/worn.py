@@ -9,6 +9,7 @@ from itertools import cycle
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.cloth.cloth import Cloth
 from cape.cloth.looks.look import Look
 from cape.cloth.looks.registry import LOOKS, look_of
 from cape.record.solids import drawable
@@ -93,7 +94,7 @@ def worn_of(takes: Sequence[Take]) -> Worn:
     return Worn(
         name=" and ".join(names),
         takes=takes,
-        cloths=_entities(takes),
+        cloths=entities_of([(take.name, take.cloth) for take in takes]),
         bones=bones,
         positions=[take.positions[:frames] for take in takes],
         colliders=[collider for collider, _ in first_of.values()],
@@ -103,20 +104,21 @@ def worn_of(takes: Sequence[Take]) -> Worn:
     )
 
 
-def _entities(takes: Sequence[Take]) -> list[ClothEntity]:
+def entities_of(cloths: Sequence[tuple[str, Cloth | None]]) -> list[ClothEntity]:
+    """Where cloths stand, from their names and themselves, as far as they are known: a look for each."""
     import rerun as rr
 
     looks: list[Look] = []
     dyes = cycle(OTHER_COLORS)
-    for take in takes:
-        look = LOOKS["cape"] if take.cloth is None else look_of(take.cloth.fabric)
+    for _, cloth in cloths:
+        look = LOOKS["cape"] if cloth is None else look_of(cloth.fabric)
         looks.append(replace(look, color=next(dyes), weft=None) if look in looks else look)
-    if len(takes) == 1:
+    if len(cloths) == 1:
         return [ClothEntity(None, "/world/cape", "/world/contacts", "/world/clasp", looks[0])]
     entities = []
-    for take, look in zip(takes, looks, strict=True):
-        paths = [rr.new_entity_path(["world", kind, take.name]) for kind in ("cloths", "contacts", "clasps")]
-        entities.append(ClothEntity(take.name, paths[0], paths[1], paths[2], look))
+    for (name, _), look in zip(cloths, looks, strict=True):
+        paths = [rr.new_entity_path(["world", kind, name]) for kind in ("cloths", "contacts", "clasps")]
+        entities.append(ClothEntity(name, paths[0], paths[1], paths[2], look))
     return entities
 
 

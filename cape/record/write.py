@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Collection, Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cape.outfits.combined import takes_apart
 from cape.record.blueprint import layout
@@ -19,14 +21,18 @@ from cape.record.frames import Frames
 from cape.record.layers import check_layers, log_cape, log_plots, log_skeleton
 from cape.record.solids import drawable, log_hitboxes, log_shells
 from cape.record.stage import figure_height, log_character, log_floor
-from cape.record.worn import worn_of
+from cape.record.worn import ClothEntity, worn_of
 from cape.results.kept import blocks
 from cape.results.take import Take
 from cape.scene.colliders import Collider
+from cape.scene.loops import Travel
 from cape.scene.scene import Scene
 from motions.errors import ValueRangeError
 from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
+
+if TYPE_CHECKING:
+    import rerun as rr
 
 BODY_LAYERS = ("robot", "skeleton", "hitboxes", "shells", "floor")
 OVERHEAD = 4_000_000  # [bytes], more than all but the cloth takes in some minutes of motion
@@ -58,9 +64,9 @@ def save(
         ValueRangeError: no frame is finite, or the takes share a name or differ in their bones' motion.
         FileError: the file can't be written.
     """
-    asked = _with_surfaces(check_layers(layers), surfaces)
+    asked = with_surfaces(check_layers(layers), surfaces)
     worn = worn_of([part for one in ([take] if isinstance(take, Take) else take) for part in takes_apart(one)])
-    frames = _finite_frames(worn.name, worn.bones, worn.positions)
+    frames = finite_frames(worn.name, worn.bones, worn.positions)
     size = OVERHEAD + (2 * sum(each.nbytes for each in worn.positions) if "cape" in asked else 0)
     if "contacts" in asked:
         size += BYTES_PER_CONTACT * sum(len(one.contacts.points) for one in worn.takes if one.contacts is not None)
@@ -70,27 +76,12 @@ def save(
     # The viewer keeps a layout for each application.
     application = " ".join(["cape"] + ([tab] if tab != "cape" else []) + (["cloths"] if len(worn.takes) > 1 else []))
     with recording_file(path, application=application, name=worn.name, blueprint=blueprint, size=size) as stream:
-        log_character(stream, worn.bones, frames, worn.travel)
         for one, cloth in zip(worn.takes, worn.cloths, strict=True):
-            if "cape" in asked:
-                log_cape(stream, one, frames, path=cloth.path, look=cloth.look)
-                log_clasp(stream, one, frames, path=cloth.clasp)
-            if "contacts" in asked and one.contacts is not None:
-                log_contacts(stream, one.contacts, one.colliders, one.thicknesses, frames, path=cloth.contacts)
-            if "plots" in asked:
-                log_plots(stream, one, frames, cloth=cloth.name, cloth_color=cloth.look.color)
-        if "robot" in asked:
-            log_robot(stream, worn.bones, surfaces, frames)
-        if "body" in asked:
-            log_body(stream, worn.bones, worn.colliders, frames)
-        if "skeleton" in asked:
-            log_skeleton(stream, worn.bones, frames)
-        if "hitboxes" in asked:
-            log_hitboxes(stream, worn.bones, worn.colliders, frames, worn.left_out)
-        if "shells" in asked:
-            log_shells(stream, worn.bones, worn.colliders, worn.thicknesses, frames)
-        if "floor" in asked:
-            log_floor(stream, worn.bones, worn.colliders, frames, worn.travel)
+            log_cloth(stream, asked, one, cloth, frames)
+        log_figure(
+            stream, asked, worn.bones, worn.colliders, worn.thicknesses, frames, left_out=worn.left_out,
+            travel=worn.travel, surfaces=surfaces,
+        )  # fmt: skip
 
 
 def save_hitboxes(
@@ -121,31 +112,74 @@ def save_hitboxes(
         ValueRangeError: no frame is finite.
         FileError: the file can't be written.
     """
-    asked = _with_surfaces(check_layers(layers, BODY_LAYERS), surfaces)
-    frames = _finite_frames(name, bones)
+    asked = with_surfaces(check_layers(layers, BODY_LAYERS), surfaces)
+    frames = finite_frames(name, bones)
     colliders = drawable(colliders)
+    thicknesses = [thickness if c.thickness is None else c.thickness for c in colliders]
     blueprint = layout(asked, figure_height(bones, frames, surfaces), colliders, tab="hitboxes")
     with recording_file(path, application="cape hitboxes", name=name, blueprint=blueprint, size=OVERHEAD) as stream:
-        log_character(stream, bones, frames)
-        if "robot" in asked:
-            log_robot(stream, bones, surfaces, frames)
-        if "skeleton" in asked:
-            log_skeleton(stream, bones, frames)
-        if "hitboxes" in asked:
-            log_hitboxes(stream, bones, colliders, frames, left_out)
-        if "shells" in asked:
-            thicknesses = [thickness if c.thickness is None else c.thickness for c in colliders]
-            log_shells(stream, bones, colliders, thicknesses, frames)
-        if "floor" in asked:
-            log_floor(stream, bones, colliders, frames)
+        log_figure(stream, asked, bones, colliders, thicknesses, frames, left_out=left_out, surfaces=surfaces)
 
 
-def _with_surfaces(asked: Sequence[str], surfaces: Sequence[LinkSurface]) -> tuple[str, ...]:
+def log_cloth(
+    stream: rr.RecordingStream, asked: Collection[str], take: Take, cloth: ClothEntity, frames: Frames
+) -> None:
+    """Put what is known of a cloth when it has been simulated on its paths, of the asked layers."""
+    if "cape" in asked:
+        log_cape(stream, take, frames, path=cloth.path, look=cloth.look)
+        log_clasp(stream, take, frames, path=cloth.clasp)
+    if "contacts" in asked and take.contacts is not None:
+        log_contacts(stream, take.contacts, take.colliders, take.thicknesses, frames, path=cloth.contacts)
+    if "plots" in asked:
+        log_plots(stream, take, frames, cloth=cloth.name, cloth_color=cloth.look.color)
+
+
+def log_figure(
+    stream: rr.RecordingStream,
+    asked: Collection[str],
+    bones: BoneTrack,
+    colliders: Sequence[Collider],
+    thicknesses: Sequence[float] | NDArray[np.float64],
+    frames: Frames,
+    *,
+    left_out: Collection[str] = (),
+    travel: Travel | None = None,
+    surfaces: Sequence[LinkSurface] = (),
+) -> None:
+    """Put what is known before any simulation on its paths: who moves, around what, and on which ground.
+
+    Args:
+        stream: where to.
+        asked: layers.
+        bones: the motion.
+        colliders: as far as they are drawn.
+        thicknesses: at which each stops cloth [m].
+        frames: of the motion, that are sent.
+        left_out: names of colliders that no cloth reaches.
+        travel: how far the motion gets in a round, where it loops.
+        surfaces: meshes that the bones carry.
+    """
+    log_character(stream, bones, frames, travel)
+    if "robot" in asked:
+        log_robot(stream, bones, surfaces, frames)
+    if "body" in asked:
+        log_body(stream, bones, colliders, frames)
+    if "skeleton" in asked:
+        log_skeleton(stream, bones, frames)
+    if "hitboxes" in asked:
+        log_hitboxes(stream, bones, colliders, frames, left_out)
+    if "shells" in asked:
+        log_shells(stream, bones, colliders, thicknesses, frames)
+    if "floor" in asked:
+        log_floor(stream, bones, colliders, frames, travel)
+
+
+def with_surfaces(asked: Sequence[str], surfaces: Sequence[LinkSurface]) -> tuple[str, ...]:
     """The asked layers, without the robot's where there is nothing to draw, or the body's where there is a robot."""
     return tuple(layer for layer in asked if layer != ("body" if surfaces else "robot"))
 
 
-def _finite_frames(name: str, bones: BoneTrack, positions: Sequence[np.ndarray] = ()) -> Frames:
+def finite_frames(name: str, bones: BoneTrack, positions: Sequence[np.ndarray] = ()) -> Frames:
     """The frames in which all positions are finite; warns of the others."""
     finite = np.ones(len(bones.times), bool)
     for values in (bones.positions, bones.rotations_wxyz, *positions):

@@ -47,6 +47,7 @@ def simulate(
     loop: bool = False,
     name: str = "take",
     progress: Callable[[int, int], None] | None = None,
+    on_frame: Callable[[int, Callable[[], Take]], None] | None = None,
 ) -> Take:
     """Simulate a cloth along a motion.
 
@@ -67,6 +68,8 @@ def simulate(
             out, `check_steps` measures the first round, and the rounds before the one that is given count as settling.
         name: what the take is called.
         progress: called after each frame with the number of frames done and of all.
+        on_frame: called with the number of frames done, from the first one on, before any other is computed, and with
+            what gives a take of these. What it raises ends the run.
 
     Returns:
         The take. When the cloth diverges, or the user interrupts, it ends with the last good frame and says so.
@@ -77,7 +80,8 @@ def simulate(
     Raises:
         UnknownNameError: the scene uses a bone that the track has not.
         ValueRangeError: the track has a single frame, the cloth can't be put on, a ledger is given with an `Auto` or
-            for a loop, or a cloth that may tear is to repeat, to be checked, or to have its solver chosen.
+            for a loop, `on_frame` is for a loop, or a cloth that may tear is to repeat, to be checked, or to have its
+            solver chosen.
         Diverged: the cloth explodes before the first frame.
     """
     if track.frames < 2:
@@ -86,6 +90,8 @@ def simulate(
         raise ValueRangeError("a ledger keeps the accounts of one run from its start: leave it out of a loop")
     if scene.tearing is not None and (loop or check_steps):
         raise ValueRangeError("what tears neither repeats nor is torn twice alike: leave out the loop, or the check")
+    if loop and on_frame is not None:
+        raise ValueRangeError("frames of a loop are known when its last round is: leave on_frame out of a loop")
     if fps is not None:
         track = track.resample(fps)
     travel = None
@@ -110,8 +116,16 @@ def simulate(
 
     frames, looped = Frames(simulation, scene, track, check_steps=check_steps), None
     result, trouble = "finished", []
+
+    def tell(done: int) -> None:
+        if progress is not None and done > 1:
+            progress(done, track.frames)
+        if on_frame is not None:
+            on_frame(done, lambda: frames.take(name, times, reach))
+
     try:
-        frames.run(lambda done: progress(done, track.frames) if progress else None)
+        tell(frames.count)
+        frames.run(tell)
         if travel is not None:
             looped = Laps(simulation, scene, track, travel).run(frames, progress)
     except Diverged as error:

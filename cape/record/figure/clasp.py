@@ -36,14 +36,15 @@ def log_clasp(stream: rr.RecordingStream, take: Take, frames: Frames, *, path: s
     if take.cloth is None or "clasp" not in take.cloth.regions:
         return
     middles, rotations, length = _carried(take, frames)
-    vertices, normals, triangles = clasp_mesh(length)
-    mesh = rr.Mesh3D(
-        vertex_positions=vertices,
-        vertex_normals=normals,
-        triangle_indices=triangles,
-        albedo_factor=COLOR,
-    )
-    send_once(stream, path, mesh)
+    if frames.begins:
+        vertices, normals, triangles = clasp_mesh(length)
+        mesh = rr.Mesh3D(
+            vertex_positions=vertices,
+            vertex_normals=normals,
+            triangle_indices=triangles,
+            albedo_factor=COLOR,
+        )
+        send_once(stream, path, mesh)
     columns = {"translation": middles[:, None].astype(np.float32), "quaternion": xyzw(rotations)[:, None]}
     frames.send(stream, path, rr.Transform3D, columns)
 

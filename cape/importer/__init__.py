@@ -1,0 +1,5 @@
+"""A file that is opened in the Rerun viewer, played in a cape: `rerun_importer_cape` decides which, and calls `run`."""
+
+from cape.importer.run import run
+
+__all__ = ["run"]
