@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import select
 import sys
+import threading
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -12,7 +13,6 @@ if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
 NOTES = "/notes"
-PATIENCE = 0.5  # s between two looks whether a viewer that takes nothing is still there
 
 
 class Viewer:
@@ -22,9 +22,6 @@ class Viewer:
         """Take a stream that has no sink yet."""
         self._stream = stream
         self._is_open = False
-        self._closed = select.poll() if hasattr(select, "poll") else None
-        if self._closed is not None:
-            self._closed.register(1, 0)  # of a pipe: POLLERR, as soon as nobody reads it
 
     def open(self, blueprint: rrb.Blueprint | None = None) -> None:
         """Begin to write to standard output."""
@@ -41,27 +38,11 @@ class Viewer:
         self._stream.reset_time()
 
     def flush(self) -> None:
-        """Hand over what has been logged.
-
-        Raises:
-            BrokenPipeError: nobody reads it any more.
-        """
-        while True:
-            if self._closed is not None and self._closed.poll(0):
-                raise BrokenPipeError
-            try:
-                # A pipe that is closed in the meantime ends the thread that writes, for which this would wait for ever.
-                self._stream.flush(timeout_sec=PATIENCE)
-                return
-            except RuntimeError:
-                continue  # a slow viewer, or a closed one
+        """Hand over what has been logged."""
+        self._stream.flush()
 
     def close(self) -> None:
-        """End the recording in order, also one that holds nothing but notes.
-
-        Raises:
-            BrokenPipeError: nobody reads it any more.
-        """
+        """End the recording in order, also one that holds nothing but notes."""
         if not self._is_open:
             self.open()
         self.flush()
@@ -73,7 +54,18 @@ def keep_from_text() -> None:
     sys.stdout = sys.stderr
 
 
-def leave() -> None:
-    """End this process at once: threads that would still write to a closed pipe complain about it."""
-    sys.stderr.flush()
-    os._exit(0)
+def end_with_viewer() -> None:
+    """End this process, quietly and at once, when nobody reads its standard output any more.
+
+    Rerun's writer only logs that a pipe is closed, and whoever hands anything to it afterwards waits for ever.
+    """
+    if not hasattr(select, "poll"):
+        return
+
+    def watch() -> None:
+        closed = select.poll()
+        closed.register(1, 0)  # errors alone, which are told in any case
+        closed.poll()
+        os._exit(0)
+
+    threading.Thread(target=watch, name="cape-viewer", daemon=True).start()

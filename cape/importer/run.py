@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from cape.cli.character import read_character
 from cape.cli.reading import Reading
 from cape.importer.arguments import parse
-from cape.importer.output import NOTES, Viewer, keep_from_text, leave
+from cape.importer.output import NOTES, Viewer, end_with_viewer, keep_from_text
 from cape.reach import reach_of
 from cape.results.take import Take
 from cape.run.simulate import simulate
@@ -40,6 +40,7 @@ def run(path: str, motion: str, options: Sequence[str]) -> int:
     import rerun as rr
 
     keep_from_text()
+    end_with_viewer()
     given = parse(options, name=Path(path).stem)
     stream = rr.RecordingStream(given.application_id, recording_id=given.recording_id)
     stream.send_recording_name(Path(path).stem)
@@ -51,8 +52,6 @@ def run(path: str, motion: str, options: Sequence[str]) -> int:
                 viewer.note(f"left out: {text}", level="WARN")
             _play(Reading(motion, skeleton=None if motion == path else path), stream, viewer)
         viewer.close()
-    except BrokenPipeError:
-        leave()
     except Exception as error:
         viewer.note(f"{Path(path).name}: {error}", level="ERROR")
         viewer.close()
@@ -68,7 +67,6 @@ def _play(reading: Reading, stream: "rr.RecordingStream", viewer: Viewer) -> Non
 
     Raises:
         UserError: the motion can't be read, or can't wear a cape.
-        BrokenPipeError: the viewer is gone.
     """
     from cape.record.growing import GrowingRecording
 
