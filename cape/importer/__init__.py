@@ -1,4 +1,4 @@
-"""A file that is opened in the Rerun viewer, played in a cape: `rerun_importer_cape` decides which, and calls `run`."""
+"""A file that is opened in the Rerun viewer, played in a cape: `entry` decides which, and calls `run`."""
 
 from cape.importer.run import run
 

@@ -10,11 +10,12 @@ from pathlib import Path
 import pytest
 import rerun as rr
 
+import cape.importer.entry as entry
 import motions
-import rerun_importer_cape
 from tests.support.processes import ROOT
 
-COMMAND = [sys.executable, rerun_importer_cape.__file__]
+SCRIPT = Path(entry.__file__).with_name("rerun-importer-cape")
+COMMAND = [sys.executable, SCRIPT]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
 
 
@@ -53,18 +54,23 @@ def frames_of_cape(recording: Path) -> list[list[int]]:
 def test_foreign_files_are_passed_on_before_any_import(tmp_path: Path, name: str, text: str):
     (tmp_path / name).write_text(text)
     (tmp_path / "page.csv").write_text("1,2")
-    code = "import sys, rerun_importer_cape as r\ntry: r.main()\nfinally: print({'numpy', 'cape'} & set(sys.modules))"
+    code = (
+        "import atexit, runpy, sys\n"
+        "atexit.register(lambda: print({'numpy', 'cape'} & set(sys.modules)))\n"
+        "sys.argv = sys.argv[1:]\n"
+        "runpy.run_path(sys.argv[0], run_name='__main__')"
+    )
     done = subprocess.run(
-        [sys.executable, "-c", code, tmp_path / name], capture_output=True, text=True, env=ENVIRONMENT
+        [sys.executable, "-c", code, SCRIPT, tmp_path / name], capture_output=True, text=True, env=ENVIRONMENT
     )
     assert (done.returncode, done.stdout.strip()) == (rr.EXTERNAL_IMPORTER_INCOMPATIBLE_EXIT_CODE, "set()")
 
 
 def test_a_file_that_is_gone_or_a_robot_with_a_motion(tmp_path: Path):
-    assert rerun_importer_cape.motion_of(str(tmp_path / "none.bvh")) is None
+    assert entry.motion_of(str(tmp_path / "none.bvh")) is None
     (tmp_path / "r.urdf").write_text("<?xml version='1.0'?><robot name='r'/>")
     (tmp_path / "r.npz").touch()
-    assert rerun_importer_cape.motion_of(str(tmp_path / "r.urdf")) == str(tmp_path / "r.npz")
+    assert entry.motion_of(str(tmp_path / "r.urdf")) == str(tmp_path / "r.npz")
 
 
 def test_frames_of_the_cape_come_one_after_the_other_under_the_ids_that_were_asked_for(walk: Path):
@@ -109,7 +115,7 @@ def test_the_viewer_itself(walk: Path, tmp_path: Path):
     folder = tmp_path / "bin"
     folder.mkdir()
     script = folder / "rerun-importer-cape"
-    script.write_text(f'#!/bin/sh\nexec {sys.executable} {rerun_importer_cape.__file__} "$@"\n')
+    script.write_text(f'#!/bin/sh\nexec {sys.executable} {entry.__file__} "$@"\n')
     script.chmod(0o755)
     rerun = shutil.which("rerun", path=str(Path(sys.executable).parent))
     assert rerun is not None
