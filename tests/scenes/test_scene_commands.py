@@ -29,6 +29,8 @@ DRAWN = {
     "sphere": {"/world/colliders/sphere", "/world/contacts/points"},
     "cube": {"/world/colliders/cube", "/world/contacts/points"},
     "look": {"/world/colliders/floor"},
+    "torn": {"/world/colliders/ball"},
+    "caught": {"/world/cape"},
     "cape": {"/world/hitboxes", "/world/skeleton"},
     "hitboxes": {"/world/hitboxes", "/world/shells", "/world/contacts/points"},
 }
