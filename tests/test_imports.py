@@ -19,7 +19,7 @@ MODULES = sorted(p for package in ("motions", "skeleton", "cape") for p in (ROOT
 MOST_LINES = 450
 MOST_MODULES = 12  # side by side in a folder
 MAY_IMPORT = {"motions": {"motions"}, "skeleton": {"motions", "skeleton"}, "cape": {"motions", "skeleton", "cape"}}
-HEAVY = ("numba", "rerun", "pinocchio", "trimesh", "matplotlib", "pink", "typer", "rich")
+HEAVY = ("numba", "rerun", "pinocchio", "trimesh", "matplotlib", "pink", "typer", "rich", "pxr", "pygltflib")
 
 modules = pytest.mark.parametrize("module", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cape.cli.options import Hitboxes, Json, Layers, Output, Robot, Scene, Spawn, Tab, cut, gathered, motion
+from cape.cli.options import Hitboxes, Json, Layers, Output, Result, Robot, Scene, Spawn, Tab, cut, gathered, motion
 from cape.cli.scenes.commands import scene_files
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def replay(
     reading: "Reading",
     cape: "Cut",
     scene: Scene = None,
-    output: Output = None,
+    output: Result = None,
     hitboxes: Hitboxes = None,
     layers: Layers = None,
     check: Annotated[
@@ -78,6 +78,20 @@ def replay(
             spawn=spawn,
             json=json,
         )
+
+
+@app.command()
+def export(
+    take: Annotated[Path, typer.Argument(help="A take that cape replay -o TAKE.npz has kept.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="What to write: .usd, .usda, .usdc, .glb, .obj, .pc2, .mdd or .ply.")
+    ],
+    json: Json = False,
+) -> int:
+    """Write a kept take for other programs, in the format that the output's suffix names."""
+    from cape.cli.commands.export import run
+
+    return run(take, output, json=json)
 
 
 @app.command()

@@ -25,6 +25,14 @@ Script = Annotated[
     MayBeFile(script=True),
 ]
 Output = Annotated[Path | None, typer.Option("-o", "--output", help="The recording; by default CLIP.rrd, here.")]
+Result = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        help="The recording, by default CLIP.rrd, here; or the take itself (.npz), or an export as of cape export.",
+    ),
+]
 Unit = Annotated[str | None, typer.Option(help="Unit of the file: m, cm, mm, inch, cmu, or metres per unit.")]
 Up = Annotated[str | None, typer.Option(help="Axis of the file that points up: x, y, z, -x, -y or -z.")]
 Height = Annotated[float | None, typer.Option(help="Scale the body to this standing height [m].")]

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,3 +163,45 @@ class Take:
         from cape import record
 
         record.save(self, path, layers=layers, surfaces=surfaces)
+
+    def keep(self, path: str | PathLike[str]) -> None:
+        """Write all that the take holds, to be read by `Take.load`; documented in `cape.results.take_file`.
+
+        Args:
+            path: the file, by custom with the suffix .npz; one that is there is replaced when the new one is complete.
+
+        Raises:
+            ValueRangeError: the take is larger than what can be read again, 1 GB.
+            FileError: the file can't be written.
+        """
+        from cape.results import take_file
+
+        take_file.keep(self, path)
+
+    @staticmethod
+    def load(path: str | PathLike[str]) -> "Take":
+        """Read a take that was kept.
+
+        Raises:
+            FileError: the file is missing or damaged, or holds no take.
+        """
+        from cape.results import take_file
+
+        return take_file.load(path)
+
+    def export(self, path: str | PathLike[str]) -> tuple[Path, ...]:
+        """Write the cloth in motion for other programs, in the format of the path's suffix; gives all files made.
+
+        Args:
+            path: the file, with one of the suffixes in `cape.exports.FORMATS`, such as .usd, .glb or .obj; files that
+                are there are replaced.
+
+        Raises:
+            UnknownNameError: there is no such format; lists them.
+            UserError: what writes it is not installed; its text says how to get it.
+            ValueRangeError: the first frame isn't finite, or the format can't hold so many.
+            FileError: a file can't be written.
+        """
+        from cape import exports
+
+        return exports.export(self, path)

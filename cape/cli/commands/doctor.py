@@ -16,6 +16,7 @@ from motions.errors import UserError
 
 USES = {
     "plots": "diagrams of cape report and cape bench",
+    "export": "exports of takes as USD and GLB",
     "film": "films of cape render as MP4",
     "retarget": "robots that follow a clip",
 }

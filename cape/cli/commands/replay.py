@@ -1,4 +1,4 @@
-"""`cape replay`: a clip with a cape, to a recording."""
+"""`cape replay`: a clip with a cape, to a recording, a kept take or an export."""
 
 import json as json_format
 import warnings
@@ -23,10 +23,11 @@ from cape.cli.scenes.file import SceneFile
 from cape.cli.scenes.tables import NONE, Tables
 from cape.cli.staging import Staged, staged
 from cape.cli.words import gathered
+from cape.cli.writing import require_writable, write
 from cape.cloth.fabric import Fabric
 from cape.garments import registry
 from cape.measure.self_crossings import share_crossed
-from cape.record import LAYERS, save
+from cape.record import LAYERS
 from cape.record.layers import check_layers
 from cape.results.fit import fit_of
 from cape.results.take import Take
@@ -194,11 +195,13 @@ def run(
     json: bool,
 ) -> int:
     """Simulate, record, report; gives the exit status."""
+    if output is not None:
+        require_writable(output, recorded_only={"--layers": layers is not None, "--spawn": spawn})
     who, path = prepared(reading, cut, scene=scene, output=output, hitboxes=hitboxes, layers=layers, tab=tab)
     take = simulated(who.scene, who, solver=cut.method(), cuts=cut.way_at_cuts(), check_steps=check, loop=cut.loop)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        save(take, path, layers=layers, surfaces=who.surfaces, tab=tab)
+        kind = write(take, path, layers=layers, surfaces=who.surfaces, tab=tab)
     notes = [*take.warnings, *(str(w.message) for w in caught if w.category is UserWarning)]
     facts = _facts(take, who.scene, len({who.track.index(bone) for bone in who.scene.bones}), notes, path)
     if len(cut.worn) > 1:
@@ -212,7 +215,7 @@ def run(
     if json:
         print(json_format.dumps(facts))
     else:
-        _print_table(take, facts)
+        _print_table(take, facts, kind)
     if spawn:
         open_viewer(path)
     return 130 if take.result.startswith("stopped") else 0
@@ -284,7 +287,7 @@ def _facts(take: Take, scene: Scene, bones: int, notes: list[str], path: Path) -
     }
 
 
-def _print_table(take: Take, facts: dict[str, Any]) -> None:
+def _print_table(take: Take, facts: dict[str, Any], kind: str) -> None:
     frame = int(take.stretch_max.argmax())
     deepest = int(take.penetration.argmax())
     where = take.colliders[take.penetrated[deepest]].name if take.penetrated[deepest] >= 0 else ""
@@ -310,7 +313,7 @@ def _print_table(take: Take, facts: dict[str, Any]) -> None:
         *check_rows(facts.get("check", {})),
         ("result", facts["result"]),
         *(("", note) for note in gathered(facts["warnings"])),
-        ("recording", facts["output"]),
+        (kind, facts["output"]),
     ]
     print_rows(rows)
 

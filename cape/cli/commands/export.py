@@ -1,0 +1,43 @@
+"""`cape export`: a kept take for other programs."""
+
+import json as json_format
+import warnings
+from pathlib import Path
+
+from cape.cli.figures.rows import print_rows
+from cape.cli.output import output_path
+from cape.exports import format_of
+from cape.results.take import Take
+
+
+def run(path: Path, output: Path, *, json: bool) -> int:
+    """Read, write and tell; gives the exit status."""
+    format_of(output)
+    output_path(output, "", inputs=(path,))
+    take = Take.load(path)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        files = take.export(output)
+    fps = round(take.bones.fps, 3) if take.bones.frames > 1 else 0.0
+    facts = {
+        "take": take.name,
+        "frames": len(take.positions),
+        "fps": fps,
+        "vertices": take.positions.shape[1],
+        "format": format_of(output).name,
+        "warnings": [str(each.message) for each in caught if each.category is UserWarning],
+        "output": str(files[0]),
+        "files": [str(file) for file in files],
+    }
+    if json:
+        print(json_format.dumps(facts))
+        return 0
+    beside = files[1:] if len(files) <= 5 else files[-1:]
+    rows = [
+        ("take", f"{take.name}, {facts['frames']} frames at {fps:g} fps, {facts['vertices']} vertices"),
+        *(("", note) for note in facts["warnings"]),
+        (facts["format"], str(files[0])),
+        *(("" if len(files) <= 5 else f"to, {len(files)} in all", str(file)) for file in beside),
+    ]
+    print_rows(rows)
+    return 0

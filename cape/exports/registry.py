@@ -1,0 +1,71 @@
+"""The formats there are: a line for each suffix."""
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+from cape.exports import glb, obj, ply, usd
+from cape.exports.moving_mesh import MovingMesh, moving_mesh
+from cape.results.take import Take
+from motions.errors import UnknownNameError, UserError
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of files.
+
+    Attributes:
+        name: in a few words.
+        write: writes a mesh to a path, and gives all files that it made.
+        module: what writes it, None where nothing else is needed.
+        package: that has the module.
+    """
+
+    name: str
+    write: Callable[[MovingMesh, Path], tuple[Path, ...]]
+    module: str | None = None
+    package: str = ""
+
+
+_USD = Format("USD", usd.write, "pxr", "usd-core")
+
+FORMATS: dict[str, Format] = {
+    ".usd": _USD,
+    ".usda": _USD,
+    ".usdc": _USD,
+    ".glb": Format("binary glTF", glb.write, "pygltflib", "pygltflib"),
+    ".obj": Format("OBJ, PC2 and MDD", obj.write),
+    ".pc2": Format("PC2 and OBJ", obj.write_pc2),
+    ".mdd": Format("MDD and OBJ", obj.write_mdd),
+    ".ply": Format("a PLY file for each frame", ply.write),
+}
+"""By suffix."""
+
+
+def format_of(path: str | PathLike[str]) -> Format:
+    """The format of a path, by its suffix; what writes it is there.
+
+    Raises:
+        UnknownNameError: there is none; lists them.
+        UserError: a package is missing; its text says how to get it.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in FORMATS:
+        hint = "cape replay and take.save write recordings (.rrd)." if suffix == ".rrd" else ""
+        raise UnknownNameError("format of exports", suffix or Path(path).name, FORMATS, hint)
+    found = FORMATS[suffix]
+    if found.module is not None and importlib.util.find_spec(found.module) is None:
+        raise UserError(f"{found.name} needs {found.package}: pip install 'cape[export]' (OBJ and PLY need nothing)")
+    return found
+
+
+def export(take: Take, path: str | PathLike[str]) -> tuple[Path, ...]:
+    """Write a take in the format of the path's suffix; gives all files that were made.
+
+    Raises:
+        UserError: the format is unknown or lacks its package, a file can't be written, or there is nothing to write.
+    """
+    found = format_of(path)
+    return found.write(moving_mesh(take), Path(path))

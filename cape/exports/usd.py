@@ -1,0 +1,261 @@
+"""USD: the cloth with a sample of its points for each frame, its material, the skeleton, and hitboxes as guides.
+
+Z up, in metres, both stated; a time code is a frame, and `timeCodesPerSecond` says how many make a second.
+
+    /take                   Xform, the default prim
+    /take/cape              Mesh: points, normals, texture coordinates `st`
+    /take/material          UsdPreviewSurface, whose albedo is a PNG beside the file
+    /take/figure/skeleton   Skeleton, and in it `motion`, a SkelAnimation
+    /take/hitboxes/NAME     Capsule, Cube, Sphere or Mesh, in the world, of the purpose "guide"
+"""
+
+# Its modules are compiled, and tell pyright little.
+# pyright: reportAttributeAccessIssue=false, reportMissingModuleSource=false
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.cloth.normals import vertex_normals
+from cape.exports.moving_mesh import MovingMesh
+from motions import quaternions
+from motions.files import whole_file
+from skeleton.shapes.outlines import BoxOutline, CapsuleOutline, EllipsoidOutline, MeshOutline
+from skeleton.track import BoneTrack
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+TAKE = "/take"
+FloatArray = NDArray[np.float64]
+
+
+def write(mesh: MovingMesh, path: Path) -> tuple[Path, Path]:
+    """Write the file, and its texture beside it; gives both.
+
+    Raises:
+        FileError: one can't be written.
+    """
+    from pxr import Usd, UsdGeom
+
+    picture = mesh.write_texture(path)
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetTimeCodesPerSecond(mesh.fps)
+    stage.SetFramesPerSecond(mesh.fps)
+    codes = _time_codes(mesh)
+    stage.SetStartTimeCode(codes[0])
+    stage.SetEndTimeCode(codes[-1])
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, TAKE).GetPrim())
+    stage.GetRootLayer().comment = f"{mesh.name}, written by cape"
+    _cloth(stage, mesh, codes)
+    _material(stage, mesh, picture.name)
+    _skeleton(stage, mesh.bones, codes)
+    _hitboxes(stage, mesh, codes)
+    with whole_file(path) as partial:
+        stage.GetRootLayer().Export(str(partial))
+    return path, picture
+
+
+def _time_codes(mesh: MovingMesh) -> list[float]:
+    """Time of each frame in frames, whole numbers where frames are even."""
+    codes = mesh.times * mesh.fps
+    return np.where(np.abs(codes - np.rint(codes)) < 1e-6, np.rint(codes), codes).tolist()
+
+
+def _cloth(stage: Usd.Stage, mesh: MovingMesh, codes: Sequence[float]) -> None:
+    from pxr import Sdf, UsdGeom, Vt
+
+    cloth = UsdGeom.Mesh.Define(stage, f"{TAKE}/cape")
+    cloth.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    cloth.CreateDoubleSidedAttr(True)
+    cloth.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.triangles), 3, np.int32)))
+    cloth.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.triangles.astype(np.int32).ravel()))
+    coordinates = UsdGeom.PrimvarsAPI(cloth).CreatePrimvar(
+        "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex
+    )
+    coordinates.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(mesh.bottom_up)))
+    cloth.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    normals = vertex_normals(mesh.positions, mesh.triangles)
+    bounds = np.stack([mesh.positions.min(axis=1), mesh.positions.max(axis=1)], axis=1)
+    for attribute, values in [
+        (cloth.CreatePointsAttr(), mesh.positions),
+        (cloth.CreateNormalsAttr(), normals),
+        (cloth.CreateExtentAttr(), bounds),
+    ]:
+        _sample(attribute, map(Vt.Vec3fArray.FromNumpy, values), codes)
+
+
+def _material(stage: Usd.Stage, mesh: MovingMesh, picture: str) -> None:
+    from pxr import Sdf, UsdShade
+
+    material = UsdShade.Material.Define(stage, f"{TAKE}/material")
+    surface, texture, reader = (
+        UsdShade.Shader.Define(stage, f"{TAKE}/material/{name}") for name in ("surface", "albedo", "st")
+    )
+    types = Sdf.ValueTypeNames
+    reader.CreateIdAttr("UsdPrimvarReader_float2")
+    reader.CreateInput("varname", types.String).Set("st")
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", types.Asset).Set(Sdf.AssetPath(f"./{picture}"))
+    texture.CreateInput("sourceColorSpace", types.Token).Set("sRGB")
+    texture.CreateInput("st", types.Float2).ConnectToSource(reader.CreateOutput("result", types.Float2))
+    surface.CreateIdAttr("UsdPreviewSurface")
+    surface.CreateInput("roughness", types.Float).Set(mesh.look.rough)
+    surface.CreateInput("metallic", types.Float).Set(0.0)
+    surface.CreateInput("diffuseColor", types.Color3f).ConnectToSource(texture.CreateOutput("rgb", types.Float3))
+    material.CreateSurfaceOutput().ConnectToSource(surface.CreateOutput("surface", types.Token))
+    UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(f"{TAKE}/cape")).Bind(material)
+
+
+def _skeleton(stage: Usd.Stage, bones: BoneTrack, codes: Sequence[float]) -> None:
+    """The bones as joints, each told from its parent; the first frame is their bind and rest pose."""
+    from pxr import Gf, UsdSkel, Vt
+
+    UsdSkel.Root.Define(stage, f"{TAKE}/figure")
+    skeleton = UsdSkel.Skeleton.Define(stage, f"{TAKE}/figure/skeleton")
+    motion = UsdSkel.Animation.Define(stage, f"{TAKE}/figure/skeleton/motion")
+    order, joints = _joints(bones)
+    translations, rotations = _from_parents(bones)
+    translations, rotations = translations[:, order].astype(np.float32), rotations[:, order]
+    world = _matrices(bones.positions[0, order], bones.rotations_wxyz[0, order])
+    local = _matrices(translations[0].astype(float), rotations[0])
+    skeleton.CreateJointsAttr(joints)
+    skeleton.CreateBindTransformsAttr(Vt.Matrix4dArray([Gf.Matrix4d(matrix.tolist()) for matrix in world]))
+    skeleton.CreateRestTransformsAttr(Vt.Matrix4dArray([Gf.Matrix4d(matrix.tolist()) for matrix in local]))
+    motion.CreateJointsAttr(joints)
+    _sample(motion.CreateTranslationsAttr(), map(Vt.Vec3fArray.FromNumpy, translations), codes)
+    # Vt has the scalar of a quaternion last.
+    turns = np.roll(rotations, -1, axis=2).astype(np.float32)
+    _sample(motion.CreateRotationsAttr(), map(Vt.QuatfArray.FromNumpy, turns), codes)
+    motion.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)] * len(joints)))
+    UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets([motion.GetPath()])
+
+
+def _joints(bones: BoneTrack) -> tuple[list[int], list[str]]:
+    """Bones in an order in which parents come first, and the path of each as a joint."""
+    names = _identifiers(bones.names)
+    parents = [-1] * len(names) if bones.parents is None else bones.parents.tolist()
+
+    def lineage(bone: int) -> list[int]:
+        line = [bone]
+        while parents[line[-1]] >= 0:
+            line.append(parents[line[-1]])
+        return line[::-1]
+
+    lines = [lineage(bone) for bone in range(len(names))]
+    order = sorted(range(len(names)), key=lambda bone: len(lines[bone]))
+    return order, ["/".join(names[each] for each in lines[bone]) for bone in order]
+
+
+def _from_parents(bones: BoneTrack) -> tuple[FloatArray, FloatArray]:
+    """Poses of bones in their parents' frames, those without one in the world: [m] (F, B, 3), wxyz (F, B, 4)."""
+    positions, rotations = bones.positions.copy(), bones.rotations_wxyz.copy()
+    if bones.parents is not None:
+        children = np.flatnonzero(bones.parents >= 0)
+        above = bones.parents[children]
+        back = quaternions.conjugate(bones.rotations_wxyz[:, above])
+        positions[:, children] = quaternions.rotate(back, bones.positions[:, children] - bones.positions[:, above])
+        rotations[:, children] = quaternions.multiply(back, bones.rotations_wxyz[:, children])
+    return positions, quaternions.make_continuous(rotations)
+
+
+def _matrices(positions: FloatArray, rotations_wxyz: FloatArray) -> FloatArray:
+    """Poses as matrices that rows of coordinates are multiplied with, shape (B, 4, 4)."""
+    matrices = np.zeros((len(positions), 4, 4))
+    matrices[:, :3, :3] = quaternions.to_matrix(rotations_wxyz).swapaxes(1, 2)
+    matrices[:, 3, :3], matrices[:, 3, 3] = positions, 1.0
+    return matrices
+
+
+def _hitboxes(stage: Usd.Stage, mesh: MovingMesh, codes: Sequence[float]) -> None:
+    """Each solid by its outline, but for endless planes."""
+    from pxr import UsdGeom
+
+    UsdGeom.Scope.Define(stage, f"{TAKE}/hitboxes")
+    for collider, name in zip(mesh.colliders, _identifiers([c.name for c in mesh.colliders]), strict=True):
+        path, outline, size = f"{TAKE}/hitboxes/{name}", collider.outline(), None
+        if isinstance(outline, CapsuleOutline):
+            axis = outline.end - outline.start
+            solid = UsdGeom.Capsule.Define(stage, path)
+            solid.CreateAxisAttr(UsdGeom.Tokens.z)
+            solid.CreateHeightAttr(float(np.linalg.norm(axis)))
+            solid.CreateRadiusAttr(float(outline.radius))
+            place, turn = (outline.start + outline.end) / 2.0, quaternions.from_z_axis(axis)
+        elif isinstance(outline, BoxOutline | EllipsoidOutline):
+            if isinstance(outline, BoxOutline):
+                solid = UsdGeom.Cube.Define(stage, path)
+                solid.CreateSizeAttr(2.0)
+            else:
+                solid = UsdGeom.Sphere.Define(stage, path)
+                solid.CreateRadiusAttr(1.0)
+            place, turn, size = outline.center, outline.rotation_wxyz, outline.half_sizes
+        elif isinstance(outline, MeshOutline):
+            solid = _solid_mesh(stage, path, outline)
+            place, turn = outline.origin, outline.rotation_wxyz
+        else:
+            continue
+        solid.CreatePurposeAttr(UsdGeom.Tokens.guide)
+        solid.CreateDisplayColorAttr([(0.3, 0.5, 0.9)])
+        if not isinstance(outline, MeshOutline):
+            solid.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(solid, 0.0))
+        _carry(solid, mesh.bones, collider.bone, place, turn, codes)
+        if size is not None:
+            solid.AddScaleOp().Set(tuple(size.tolist()))
+
+
+def _solid_mesh(stage: Usd.Stage, path: str, outline: MeshOutline) -> Any:
+    from pxr import UsdGeom, Vt
+
+    solid = UsdGeom.Mesh.Define(stage, path)
+    solid.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    solid.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(outline.vertices))
+    solid.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(outline.triangles), 3, np.int32)))
+    solid.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(outline.triangles.astype(np.int32).ravel()))
+    corners = np.stack([outline.vertices.min(axis=0), outline.vertices.max(axis=0)])
+    solid.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(corners.astype(np.float32)))
+    return solid
+
+
+def _carry(
+    solid: Any, bones: BoneTrack, bone: str | None, place: FloatArray, turn: FloatArray, codes: Sequence[float]
+) -> None:
+    """Move what stands in a bone's frame with it, or leave it where it stands in the world."""
+    from pxr import Gf, UsdGeom
+
+    move, rotate = solid.AddTranslateOp(), solid.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
+    if bone is None:
+        move.Set(Gf.Vec3d(place.tolist()))
+        rotate.Set(Gf.Quatd(*turn.tolist()))
+        return
+    index = bones.index(bone)
+    poses, turns = bones.positions[:, index], bones.rotations_wxyz[:, index]
+    _sample(move, map(Gf.Vec3d, (poses + quaternions.rotate(turns, place)).tolist()), codes)
+    _sample(rotate, (Gf.Quatd(*q) for q in quaternions.multiply(turns, turn).tolist()), codes)
+
+
+def _sample(attribute: Any, values: Iterable[Any], codes: Sequence[float]) -> None:
+    """Set the values of an attribute at all time codes."""
+    for value, code in zip(values, codes, strict=True):
+        attribute.Set(value, code)
+
+
+def _identifiers(names: Iterable[str]) -> list[str]:
+    """Names as USD takes them, each once."""
+    from pxr import Tf
+
+    found: dict[str, None] = {}
+    for name in names:
+        valid = base = Tf.MakeValidIdentifier(name or "_")
+        number = 1
+        while valid in found:
+            number += 1
+            valid = f"{base}_{number}"
+        found[valid] = None
+    return list(found)
