@@ -7,7 +7,7 @@ animations.
 """
 
 # pygltflib states that texts and numbers may be left out, which its types don't.
-# pyright: reportArgumentType=false
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
 
 from pathlib import Path
 from typing import Any

@@ -82,7 +82,7 @@ def moving_mesh(take: Take) -> MovingMesh:
     """
     if not len(take.triangles):
         raise ValueRangeError(f"nothing to export: {take.name!r} has no triangle")
-    finite = np.isfinite(take.positions.reshape(len(take.positions), -1)).all(axis=1)
+    finite = np.asarray(np.isfinite(take.positions).all(axis=(1, 2)))
     frames = len(finite) if finite.all() else int(finite.argmin())
     if frames == 0:
         raise ValueRangeError(f"nothing to export: the first frame of {take.name!r} isn't finite")

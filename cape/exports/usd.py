@@ -14,6 +14,7 @@ Z up, in metres, both stated; a time code is a frame, and `timeCodesPerSecond` s
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from cape.cloth.normals import vertex_normals
 from cape.exports.moving_mesh import MovingMesh
 from motions import quaternions
+from motions.errors import FileError
 from motions.files import whole_file
 from skeleton.shapes.outlines import BoxOutline, CapsuleOutline, EllipsoidOutline, MeshOutline
 from skeleton.track import BoneTrack
@@ -41,7 +43,7 @@ def write(mesh: MovingMesh, path: Path) -> tuple[Path, Path]:
     Raises:
         FileError: one can't be written.
     """
-    from pxr import Usd, UsdGeom
+    from pxr import Tf, Usd, UsdGeom
 
     picture = mesh.write_texture(path)
     stage = Usd.Stage.CreateInMemory()
@@ -59,8 +61,17 @@ def write(mesh: MovingMesh, path: Path) -> tuple[Path, Path]:
     _skeleton(stage, mesh.bones, codes)
     _hitboxes(stage, mesh, codes)
     with whole_file(path) as partial:
-        stage.GetRootLayer().Export(str(partial))
+        try:
+            stage.GetRootLayer().Export(str(partial))
+        except Tf.ErrorException as error:
+            raise FileError(f"can't write {path}: {_reason(error)}") from None
     return path, picture
+
+
+def _reason(error: Exception) -> str:
+    """The first message of USD's errors, which tell the places in its sources as well."""
+    quoted = re.search(r": '(.*)'$", str(error), re.MULTILINE)
+    return quoted[1] if quoted else str(error)
 
 
 def _time_codes(mesh: MovingMesh) -> list[float]:

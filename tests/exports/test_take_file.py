@@ -2,6 +2,7 @@
 
 import json
 import zipfile
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -120,8 +121,8 @@ def test_a_text_that_makes_no_sense_ends_in_a_line(field: str, value: object, to
 
 
 def test_damaged_files_end_in_a_line(tmp_path: Path):
-    path = tmp_path / "take.npz"
-    make_take().keep(path)
+    path, take = tmp_path / "take.npz", make_take()
+    take.keep(path)
     whole = path.read_bytes()
     rng = np.random.default_rng(6)
     for damaged in [whole[:n] for n in (0, 100, len(whole) // 2, len(whole) - 1)]:
@@ -130,10 +131,8 @@ def test_damaged_files_end_in_a_line(tmp_path: Path):
             Take.load(path)
     for place in rng.integers(0, len(whole), 60):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
-        try:
-            Take.load(path)
-        except FileError as error:
-            assert "\n" not in str(error)
+        with suppress(FileError):  # where nothing is read, such as dates, a file may be other than it was
+            assert difference(take, Take.load(path)) == ""
 
 
 def test_nothing_is_pickled(tmp_path: Path):

@@ -9,6 +9,8 @@ from cape.cli.output import output_path
 from cape.exports import format_of
 from cape.results.take import Take
 
+MOST_TOLD = 5  # files of an export, each on a line; of more, the first and the last
+
 
 def run(path: Path, output: Path, *, json: bool) -> int:
     """Read, write and tell; gives the exit status."""
@@ -32,12 +34,13 @@ def run(path: Path, output: Path, *, json: bool) -> int:
     if json:
         print(json_format.dumps(facts))
         return 0
-    beside = files[1:] if len(files) <= 5 else files[-1:]
+    first, *others = files
+    beside = others if len(files) <= MOST_TOLD else others[-1:]
     rows = [
         ("take", f"{take.name}, {facts['frames']} frames at {fps:g} fps, {facts['vertices']} vertices"),
         *(("", note) for note in facts["warnings"]),
-        (facts["format"], str(files[0])),
-        *(("" if len(files) <= 5 else f"to, {len(files)} in all", str(file)) for file in beside),
+        (facts["format"], str(first)),
+        *(("" if len(files) <= MOST_TOLD else f"to, {len(files)} in all", str(file)) for file in beside),
     ]
     print_rows(rows)
     return 0
