@@ -17,12 +17,17 @@ from motions.errors import FileError, ValueRangeError
 from tests.exports.a_take import difference, make_take
 
 
+@pytest.fixture(scope="module")
+def kept_and_read(tmp_path_factory: pytest.TempPathFactory) -> tuple[Take, Take]:
+    path, take = tmp_path_factory.mktemp("kept") / "take.npz", make_take()
+    take.keep(path)
+    return take, cape.Take.load(path)
+
+
 @pytest.mark.parametrize("field", [each.name for each in fields(Take)])
-def test_each_field_is_read_as_it_was_kept(field: str, tmp_path: Path):
-    take = make_take()
-    take.keep(tmp_path / "take.npz")
-    read = cape.Take.load(tmp_path / "take.npz")
-    assert difference(getattr(take, field), getattr(read, field), field) == ""
+def test_each_field_is_read_as_it_was_kept(field: str, kept_and_read: tuple[Take, Take]):
+    take, read = (getattr(each, field) for each in kept_and_read)
+    assert difference(take, read, field) == ""
 
 
 @dataclass(frozen=True, eq=False)
