@@ -89,7 +89,7 @@ def export(
     json: Json = False,
 ) -> int:
     """Write a kept take for other programs, in the format that the output's suffix names."""
-    from cape.cli.commands.export import run
+    from cape.cli.exports.command import run
 
     return run(take, output, json=json)
 

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import cape
-from cape.cli.writing import write
+from cape.cli.exports.writing import write
 from tests.exports.a_take import FPS, FRAMES, make_take
 from tests.support.command import Forks
 

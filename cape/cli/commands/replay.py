@@ -10,6 +10,7 @@ from cape.air.record import read_wind
 from cape.air.wind import Wind
 from cape.assembly.self_contact import contact_thickness
 from cape.cli.character import Character
+from cape.cli.exports.writing import require_writable, write
 from cape.cli.figures.checking import check_rows, checked, step_error_facts, step_error_rows
 from cape.cli.figures.fitting import fit_facts, fit_rows
 from cape.cli.figures.looping import loop_facts, loop_rows
@@ -23,7 +24,6 @@ from cape.cli.scenes.file import SceneFile
 from cape.cli.scenes.tables import NONE, Tables
 from cape.cli.staging import Staged, staged
 from cape.cli.words import gathered
-from cape.cli.writing import require_writable, write
 from cape.cloth.fabric import Fabric
 from cape.garments import registry
 from cape.measure.self_crossings import share_crossed

@@ -1,0 +1,1 @@
+"""Kept takes and exports at the command line."""
