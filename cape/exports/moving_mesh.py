@@ -99,7 +99,7 @@ def moving_mesh(take: Take) -> MovingMesh:
         times=bones.times - bones.times[0],
         fps=bones.fps if frames > 1 else STILL_FPS,
         positions=np.asarray(take.positions[:frames], dtype=np.float32),
-        triangles=take.triangles,
+        triangles=take.triangles_at(len(take.positions) - 1),
         texcoords=np.asarray(take.texcoords, dtype=np.float32),
         texture=np.full((2, 2, 3), look.color, np.uint8) if take.cloth is None else texture_of(take.cloth, look),
         look=look,
