@@ -23,7 +23,7 @@ def main() -> None:
 
 
 def motion_of(path: str) -> str | None:
-    """The file with the motion: a BVH itself, or what stands beside a URDF under its name; None for other files."""
+    """The file with the motion: a BVH, or a robot's, beside a URDF of the same name; None for other files."""
     stem, suffix = os.path.splitext(path)
     suffix = suffix.lower()
     if suffix == ".bvh":
@@ -32,6 +32,9 @@ def motion_of(path: str) -> str | None:
     if suffix == ".urdf" and b"<robot" in _head(path):
         beside = (stem + ending for ending in MOTION_SUFFIXES)
         return next((file for file in beside if os.path.isfile(file)), None)
+    # The viewer keeps a URDF to its own importer, and calls no other: what can be opened there is the motion.
+    if suffix in MOTION_SUFFIXES and b"<robot" in _head(stem + ".urdf"):
+        return path if os.path.isfile(path) else None
     return None
 
 

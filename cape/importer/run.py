@@ -3,6 +3,7 @@
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from os.path import splitext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +30,7 @@ def run(path: str, motion: str, options: Sequence[str]) -> int:
     importer of URDF draws it elsewhere in the same recording, where no view of the layout looks.
 
     Args:
-        path: of a BVH, or of a robot's URDF.
+        path: of a BVH, or of a robot's URDF or motion.
         motion: the same BVH, or the file with the robot's motion.
         options: what else the viewer says (`cape.importer.arguments`).
 
@@ -50,7 +51,7 @@ def run(path: str, motion: str, options: Sequence[str]) -> int:
             warnings.showwarning = lambda message, *_, **__: viewer.note(str(message), level="WARN")
             for text in given.ignored:
                 viewer.note(f"left out: {text}", level="WARN")
-            _play(Reading(motion, skeleton=None if motion == path else path), stream, viewer)
+            _play(Reading(motion, skeleton=_robot_of(path)), stream, viewer)
         viewer.close()
     except Exception as error:
         viewer.note(f"{Path(path).name}: {error}", level="ERROR")
@@ -60,6 +61,14 @@ def run(path: str, motion: str, options: Sequence[str]) -> int:
         print(f"cape: {error}", file=sys.stderr)
         return 2
     return 0
+
+
+def _robot_of(path: str) -> str | None:
+    """The URDF that a file is, or stands beside; None for a BVH."""
+    stem, suffix = splitext(path)
+    if suffix.lower() == ".bvh":
+        return None
+    return path if suffix.lower() == ".urdf" else f"{stem}.urdf"
 
 
 def _play(reading: Reading, stream: "rr.RecordingStream", viewer: Viewer) -> None:

@@ -71,6 +71,9 @@ def test_a_file_that_is_gone_or_a_robot_with_a_motion(tmp_path: Path):
     (tmp_path / "r.urdf").write_text("<?xml version='1.0'?><robot name='r'/>")
     (tmp_path / "r.npz").touch()
     assert entry.motion_of(str(tmp_path / "r.urdf")) == str(tmp_path / "r.npz")
+    assert entry.motion_of(str(tmp_path / "r.npz")) == str(tmp_path / "r.npz")
+    (tmp_path / "lone.npz").touch()
+    assert entry.motion_of(str(tmp_path / "lone.npz")) is None
 
 
 def test_frames_of_the_cape_come_one_after_the_other_under_the_ids_that_were_asked_for(walk: Path):
