@@ -34,10 +34,12 @@ def test_a_shell_completes_commands_and_options(tmp_path):
     # As bash asks once it has been told to by --show-completion.
     from tests.support.command import cape as run
 
-    asked = {"_CAPE_COMPLETE": "complete_bash", "COMP_WORDS": "cape garm", "COMP_CWORD": "1"}
-    assert run(folder=tmp_path, **asked).stdout.split() == ["garments"]
-    asked = {"_CAPE_COMPLETE": "complete_bash", "COMP_WORDS": "cape replay --turb", "COMP_CWORD": "2"}
-    assert run(folder=tmp_path, **asked).stdout.split() == ["--turbulence"]
+    def completed(words: str, word: int) -> list[str]:
+        asked = run(folder=tmp_path, _CAPE_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=str(word))
+        return asked.stdout.split()
+
+    assert completed("cape garm", 1) == ["garments"]
+    assert completed("cape replay --turb", 2) == ["--turbulence"]
 
 
 def test_a_name_that_is_nearly_right_is_told_which_is_meant(forks, tmp_path):

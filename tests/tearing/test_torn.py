@@ -195,7 +195,9 @@ def test_patches_of_contact_with_itself_follow_what_has_split():
     simulation = crumpled(GRID, self_contact=cape.SelfContact())
     simulation.tear(ACROSS)
     simulation.tear([2, GRID.columns + 2, 2 * GRID.columns + 2])
-    patches, triangles = simulation.assembly.layers.patches, simulation.topology.triangles
+    layers, triangles = simulation.assembly.layers, simulation.topology.triangles
+    assert layers is not None
+    patches = layers.patches
     assert set(map(tuple, patches.triangles.T.tolist())) == set(map(tuple, triangles.tolist()))
     ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     known = patches.edges[:, : patches.edge_start[-1]].T
