@@ -6,8 +6,12 @@ from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.cloth.fabric import Fabric
 from cape.cloth.fabrics import FABRICS, MEASUREMENTS, fabric
 from cape.cloth.measurement import Measurement
+from cape.cloth.textures import Textures, read_textures
+from cape.cloth.visual import Visual
 from cape.garments.registry import GARMENTS
 from cape.measure.ledger import Balance, Ledger
+from cape.meshes.reading import read_cloth
+from cape.meshes.wearing import wear
 from cape.results.take import Take
 from cape.run.auto import Auto, AutoSimulation
 from cape.run.batch import Batch
@@ -70,7 +74,9 @@ __all__ = [
     "TaperedCapsule",
     "Tearing",
     "Tethers",
+    "Textures",
     "UserError",
+    "Visual",
     "Wind",
     "WindRecord",
     "__version__",
@@ -79,7 +85,10 @@ __all__ = [
     "cut",
     "dress",
     "fabric",
+    "read_cloth",
+    "read_textures",
     "read_wind",
     "simulate",
     "solver",
+    "wear",
 ]

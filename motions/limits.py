@@ -18,3 +18,7 @@ MOST_COLLIDERS = 20_000
 """In a scene or a file: each takes a millisecond a frame to find out whether the cloth can reach it."""
 MOST_DRAWN = 2_000
 """Colliders that are no capsules in a recording, of each two entities: the viewer's files hold some 10,000."""
+MOST_CLOTH_VERTICES = 50_000
+"""Vertices of a cloth that comes from a file: one of these takes some hundred times as long as a cape of 1,500."""
+MOST_MESH_TRIANGLES = 1_000_000
+"""Triangles of a mesh that is read to be remeshed, or to be drawn."""

@@ -172,11 +172,16 @@ def scenes(json: Json = False) -> int:
 
 
 @app.command()
-def fabrics(json: Json = False) -> int:
+def fabrics(
+    write: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Save their textures there: albedo, normals and metal-roughness.")
+    ] = None,
+    json: Json = False,
+) -> int:
     """List the fabrics that a cape may be of: how each drapes, weight, stiffness (warp / weft), and who measured it."""
     from cape.cli.commands.fabrics import run
 
-    return run(json=json)
+    return run(json=json, write=write)
 
 
 @app.command()

@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from os import PathLike
 from typing import Literal, Self
 
 import numpy as np
@@ -10,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cape.cloth import tailoring
 from cape.cloth.fabric import Fabric
+from cape.cloth.textures import Textures
+from cape.cloth.visual import Visual
 from motions import quaternions
 from motions.errors import UnknownNameError, ValueRangeError
 from skeleton.shapes import UNIT_TOLERANCE
@@ -32,6 +35,8 @@ class Cloth(ABC):
         fabric: what it is made of.
         layers: how many layers of the fabric each cell of a grid or each triangle of a mesh has; None for one.
         regions: names for sets of vertices, such as "top_left".
+        visual: what is drawn in its place; None to draw what is simulated.
+        textures: of what is drawn; None for those of its fabric.
     """
 
     pattern: FloatArray
@@ -41,6 +46,8 @@ class Cloth(ABC):
     fabric: Fabric = field(default_factory=Fabric)
     layers: FloatArray | None = None
     regions: Mapping[str, IntArray] = field(default_factory=dict)
+    visual: Visual | None = None
+    textures: Textures | None = None
 
     @staticmethod
     def rectangle(
@@ -183,6 +190,31 @@ class Cloth(ABC):
             fabric=fabric or Fabric(),
         )
         return replace(cloth, regions={name: cloth.region(np.asarray(r)) for name, r in (regions or {}).items()})
+
+    @staticmethod
+    def load(
+        path: str | PathLike[str],
+        *,
+        up: str | None = None,
+        scale: float = 1.0,
+        spacing: float | None = None,
+        visual: str | PathLike[str] | None = None,
+        fabric: Fabric | None = None,
+        textures: Textures | None = None,
+    ) -> "MeshCloth":
+        """Read a cloth from an OBJ, PLY or GLB file; `cape.read_cloth` tells the arguments, and what was cleaned.
+
+        Raises:
+            FileError: a file can't be read.
+            ValueRangeError: the mesh is no cloth, for a reason that is told with its places.
+            UnknownNameError: there is no such up axis.
+        """
+        from cape.meshes.reading import read_cloth
+
+        read = read_cloth(
+            path, up=up, scale=scale, spacing=spacing, visual=visual, fabric=fabric, textures=textures
+        )  # fmt: skip
+        return read[0]
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""

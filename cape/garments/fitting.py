@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from motions import quaternions
 from motions.errors import ValueRangeError
-from skeleton.rest import RestPose
+from skeleton.rest import RestPose, missing_roles
 from skeleton.shapes import Bounded, Shape
 from skeleton.solid_measures import signed_distance
 from skeleton.straight_limbs import AWAY, lower_arms, straighten_legs
@@ -66,7 +67,17 @@ class Fitted:
 
     def with_raised_arms(self) -> "Fitted":
         """The same body as it stands where a garment is put on under its arms."""
-        return Fitted(self._body, self._colliders, arms=RAISED, standing=True)
+        return self.with_arms(RAISED)
+
+    def with_arms(self, angle: float) -> "Fitted":
+        """The same body standing with straight legs, its arms at an angle from the direction down the trunk [rad]."""
+        return Fitted(self._body, self._colliders, arms=angle, standing=True)
+
+    def segments(self, *roles: str) -> list[tuple[FloatArray, FloatArray]]:
+        """The straight pieces between the joints of a limb's roles, those there are: both ends of each [m]."""
+        known = [role for role in roles if role in self._rest.roles]
+        joints = [(self._rest.joint(role) - self._origin) @ self._axes for role in known]
+        return list(pairwise(joints))
 
     @cached_property
     def _rest(self) -> RestPose:
@@ -81,7 +92,8 @@ class Fitted:
     def _origin(self) -> FloatArray:
         return self._rest.middle("upper_arm")
 
-    def _index(self, bone: str) -> int:
+    def bone(self, bone: str) -> int:
+        """Index of a bone given by its name or its role; a name wins over a role."""
         return self._rest.bones.index(bone) if bone in self._rest.bones else self._rest.bone(bone)
 
     @property
@@ -91,6 +103,11 @@ class Fitted:
             return np.zeros(2)
         start, end = ((self._rest.origin(role) - self._origin) @ self._axes[:, 0] for role in ("neck", "head"))
         return np.array([start + COLLARED * (end - start), 0.0])
+
+    @property
+    def has_feet(self) -> bool:
+        """Whether it is known where its feet are."""
+        return not missing_roles(self._rest, ("left_foot", "right_foot"))
 
     def carrier(self, side: str) -> str:
         """The role of the bone that carries the "left" or "right" shoulder: the chest where it has none of its own."""
@@ -117,7 +134,7 @@ class Fitted:
         Raises:
             UnknownNameError: no bone plays one of the roles.
         """
-        chosen = [self._index(bone) for bone in bones]
+        chosen = [self.bone(bone) for bone in bones]
         to_wearer = quaternions.conjugate(quaternions.from_matrix(self._axes))
         return (
             (self._rest.positions[chosen] - self._origin) @ self._axes,
@@ -134,7 +151,7 @@ class Fitted:
         """A ball around each collider: its middle [m], shape (C, 3), and its radius [m], shape (C,)."""
         middles, radii = np.zeros((len(self._solids), 3)), np.full(len(self._solids), np.inf)
         for k, (collider, name) in enumerate(self._solids):
-            bone = self._index(name)
+            bone = self.bone(name)
             if isinstance(collider, Bounded):
                 low, high = collider.bounds()
                 middles[k] = quaternions.rotate(self._rest.rotations_wxyz[bone], 0.5 * (low + high))
@@ -167,7 +184,7 @@ class Fitted:
         outside = middles - np.clip(middles, places.min(axis=0), places.max(axis=0))
         for k in np.flatnonzero(np.linalg.norm(outside, axis=1) <= radii + within):
             collider, name = self._solids[k]
-            bone = self._index(name)
+            bone = self.bone(name)
             if (counted is not None and bone not in counted) or (skipped is not None and bone in skipped):
                 continue
             turn = quaternions.conjugate(self._rest.rotations_wxyz[bone])

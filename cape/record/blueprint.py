@@ -31,7 +31,7 @@ def layout(
     colliders: Sequence[Collider] = (),
     *,
     tab: str = "cape",
-    linings: Mapping[str, Color] | None = None,
+    linings: Mapping[str, Color | None] | None = None,
     notes: str | None = None,
 ) -> rrb.Blueprint:
     """A view that follows the figure from behind, a second one for debugging contact a tab away, the curves below.
@@ -44,7 +44,7 @@ def layout(
         height: of the skeleton [m], which the views are to hold.
         colliders: that are in the layer of hitboxes.
         tab: "cape" or "hitboxes", which of the two is in front.
-        linings: colours of the cloths' insides by the cloths' paths; None for no cloth.
+        linings: colours of the cloths' insides by the cloths' paths, None for that of the outside; None for no cloth.
         notes: path of an entity with text to read beside the curves; None for none.
     """
     import rerun.blueprint as rrb
@@ -71,7 +71,7 @@ def layout(
 
 
 def _scene(
-    layers: Collection[str], height: float, colliders: Sequence[Collider], tab: str, linings: Mapping[str, Color]
+    layers: Collection[str], height: float, colliders: Sequence[Collider], tab: str, linings: Mapping[str, Color | None]
 ) -> rrb.View | rrb.Container:
     import rerun.blueprint as rrb
 
@@ -95,14 +95,17 @@ def _scene(
     )
 
 
-def _two_sided(linings: Mapping[str, Color], opacity: int = 255) -> Overrides:
-    """Draw each mesh twice, its back with the lining: a second mesh for the lining would double the file."""
+def _two_sided(linings: Mapping[str, Color | None], opacity: int = 255) -> Overrides:
+    """Draw each mesh with a lining twice, its back with that: a second mesh for the lining would double the file."""
     import rerun as rr
 
     tint: dict[str, Any] = {} if opacity == 255 else {"albedo_factor": (255, 255, 255, opacity)}
     outside = rr.Mesh3D.from_fields(face_rendering="Front", **tint)
+    both = rr.Mesh3D.from_fields(face_rendering="DoubleSided", **tint)
     return {
-        path: [
+        path: [both.visualizer()]
+        if color is None
+        else [
             outside.visualizer(),
             rr.Mesh3D.from_fields(face_rendering="Back", **tint, **albedo(plain(color))).visualizer(),
         ]

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from cape.cloth.looks.look import Color, Look
 from cape.cloth.looks.registry import LOOKS
-from cape.cloth.looks.sewn import texture_of
-from cape.cloth.normals import vertex_normals
 from cape.record.frames import Frames, send_once
-from cape.record.surfaces.textures import albedo, plain
+from cape.record.surfaces.drawn import drawn_of
+from cape.record.surfaces.textures import albedo
 from cape.results.kept import let_go
 from motions.errors import UnknownNameError
 from skeleton.track import BoneTrack
@@ -52,17 +51,17 @@ def log_cape(
     """Put the cloth on its path: the texture of its outside on both sides; the blueprint draws the lining."""
     import rerun as rr
 
+    drawn = drawn_of(take, look)
     changes = {} if take.tears == 0 else {t.frame: t.triangles for t in take.topologies}
     if frames.begins:
-        texture = plain(look.color) if take.cloth is None else texture_of(take.cloth, look)
-        always = {} if changes else {"triangle_indices": take.triangles}
-        send_once(stream, path, rr.Mesh3D.from_fields(vertex_texcoords=take.texcoords, **always, **albedo(texture)))
-    for block in frames.blocks(2 * take.positions[0].nbytes):
+        always = {} if changes else {"triangle_indices": drawn.triangles}
+        mesh = {"vertex_texcoords": drawn.texcoords, **always, **albedo(drawn.texture)}
+        send_once(stream, path, rr.Mesh3D.from_fields(**mesh))
+    for block in frames.blocks(2 * 12 * drawn.vertices):
         numbers = frames.numbers[block]
-        positions = take.positions[numbers]
-        normals = np.empty_like(positions)
-        for triangles, same in _alike(take, numbers):
-            normals[same] = vertex_normals(positions[same], triangles)
+        found = take.positions[numbers]
+        parts = [drawn.at(found[same], triangles) for triangles, same in _alike(take, numbers)]
+        positions, normals = (np.concatenate(each) for each in zip(*parts, strict=True))
         frames.send(stream, path, rr.Mesh3D, {"vertex_positions": positions, "vertex_normals": normals}, block=block)
         let_go(take.positions)
     for first, triangles in changes.items():

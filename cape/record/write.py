@@ -71,7 +71,10 @@ def save(
     if "contacts" in asked:
         size += BYTES_PER_CONTACT * sum(len(one.contacts.points) for one in worn.takes if one.contacts is not None)
     height = figure_height(worn.bones, frames, surfaces if "robot" in asked else ())
-    linings = {cloth.path: cloth.look.lining for cloth in worn.cloths}
+    linings = {
+        cloth.path: None if one.cloth is not None and one.cloth.textures is not None else cloth.look.lining
+        for one, cloth in zip(worn.takes, worn.cloths, strict=True)
+    }
     blueprint = layout(asked, height, worn.colliders, tab=tab, linings=linings)
     # The viewer keeps a layout for each application.
     application = " ".join(["cape"] + ([tab] if tab != "cape" else []) + (["cloths"] if len(worn.takes) > 1 else []))

@@ -84,7 +84,7 @@ def dress(
     body.require_roles((*WEARER_ROLES, *FRAME_ROLES))
     colliders = body.capsules() if colliders is None else tuple(colliders)
     fitted = Fitted(body, colliders)
-    floor = _floor(body, colliders, track)
+    floor = floor_of(body, colliders, track)
     room = room_on_all_fours(track, float(floor.point[2])) if length is None else None
     worn = kind.fit(fitted, Measures(length=length, flare=flare, spacing=spacing, fabric=fabric, room=room))
     hold = hold or {}
@@ -97,12 +97,12 @@ def dress(
         _attachments(worn, hold),
         (*colliders, floor),
         wind=wind or Wind(),
-        self_contact=_self_contact(worn.layered if self_contact is None else self_contact),
+        self_contact=self_contact_of(worn.layered if self_contact is None else self_contact),
         thickness=Scene.thickness if worn.thickness is None else worn.thickness,
         confinements=[confine(worn.cloth, k.bone, k.vertices, max_distance=k.most) for k in worn.kept],
         strain_limit=strain_limit and tearing is None and worn.cloth.has_threads,
         tearing=tearing,
-        wearer=(_beginning(body, WEARER_ROLES[0]), _beginning(body, WEARER_ROLES[1]), WEARER_ROLES[2]),
+        wearer=(beginning_of(body, WEARER_ROLES[0]), beginning_of(body, WEARER_ROLES[1]), WEARER_ROLES[2]),
     )
     for bone in scene.bones:
         track.index(bone)
@@ -126,7 +126,7 @@ def _attachments(worn: Worn, hold: Mapping[str, str]) -> list[Attachment]:
     return found
 
 
-def _floor(body: "Skeleton", colliders: Sequence[Collider], track: BoneTrack) -> Plane:
+def floor_of(body: "Skeleton", colliders: Sequence[Collider], track: BoneTrack) -> Plane:
     """The floor under a motion: of a body without legs no higher than they would reach."""
     floor = floor_under(colliders, track)
     if body.rest.has_legs:
@@ -136,11 +136,12 @@ def _floor(body: "Skeleton", colliders: Sequence[Collider], track: BoneTrack) ->
     return replace(floor, point=np.array([0.0, 0.0, min(below, float(floor.point[2]))]))
 
 
-def _self_contact(asked: bool | SelfContact) -> SelfContact | None:
+def self_contact_of(asked: bool | SelfContact) -> SelfContact | None:
+    """How layers are kept apart: as asked, or by default where only that is asked for."""
     return asked if isinstance(asked, SelfContact) else SelfContact() if asked else None
 
 
-def _beginning(body: "Skeleton", role: str) -> str:
+def beginning_of(body: "Skeleton", role: str) -> str:
     """The bone at which a limb begins: its role, or of a robot that turns it by several joints the first of them."""
     bone = body.bones[body.rest.segment_start(role)]
     return role if bone == body.role(role) else bone

@@ -1,23 +1,47 @@
 """`cape fabrics`: which fabrics there are, how each drapes, and where its figures are from."""
 
 import json as json_format
+from pathlib import Path
 from typing import Any
 
 from cape.cli.figures.rows import print_rows
 from cape.cloth.fabric import Fabric
 from cape.cloth.fabrics import FABRICS, MEASUREMENTS
+from cape.cloth.looks.maps import textures_of
+from cape.cloth.looks.registry import LOOKS
 from cape.cloth.measurement import Measurement, bending_lengths, drapes
+from motions.errors import FileError
 
 NOT_MEASURED = "no measured fabric: the default, which figures of cape are made with"
 
 
-def run(*, json: bool) -> int:
-    """List the fabrics, the lightest first; gives the exit status."""
+def run(*, json: bool, write: Path | None = None) -> int:
+    """List the fabrics, the lightest first, or write their textures to a folder; gives the exit status."""
+    if write is not None:
+        return _write(write, json)
     names = sorted(FABRICS, key=lambda name: FABRICS[name].density)
     if json:
         print(json_format.dumps({name: _facts(FABRICS[name], MEASUREMENTS.get(name)) for name in names}))
     else:
         print_rows([(name, _text(FABRICS[name], MEASUREMENTS.get(name))) for name in names])
+    return 0
+
+
+def _write(folder: Path, json: bool) -> int:
+    """Write the textures of each fabric as PNG.
+
+    Raises:
+        FileError: one can't be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"can't make the folder {folder}: {error.strerror}") from error
+    files = {name: textures_of(LOOKS[name]).write(folder, name) for name in FABRICS}
+    if json:
+        print(json_format.dumps({name: [str(path) for path in paths] for name, paths in files.items()}))
+    else:
+        print_rows([(name, ", ".join(path.name for path in paths)) for name, paths in files.items()])
     return 0
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.looks.look import Look
+from cape.cloth.textures import Textures
 
 TextureArray = NDArray[np.uint8]
 FloatArray = NDArray[np.floating]
@@ -58,6 +59,14 @@ def maps_of(look: Look, *, texels: int = 512) -> Maps:
         _bytes(albedo * shade[..., None]),
         size,
     )
+
+
+def textures_of(look: Look, *, texels: int = 512) -> Textures:
+    """The textures of a square piece of fabric that can be laid beside itself; fabric has no metal."""
+    maps = maps_of(look, texels=texels)
+    packed = np.zeros_like(maps.albedo)
+    packed[..., 1] = maps.roughness
+    return Textures(maps.albedo, maps.normal, packed)
 
 
 def softened(texture: TextureArray, width: float) -> FloatArray:
