@@ -243,7 +243,8 @@ def cut(
         typer.Option(
             "--hold",
             metavar="EDGE=BONE",
-            help="Have a bone, by its name or role, hold a named part of the garment, such as collar=neck; repeatable.",
+            help="Have a bone, by its name or role, hold a named part of the garment, such as collar=neck; repeatable. "
+            "Of a mesh also where an image is bright (mask.png=chest), or what is that near to the bone (0.05=chest).",
         ),
     ] = None,
     tear: Annotated[
@@ -252,6 +253,39 @@ def cut(
     ] = None,
     tear_force: Annotated[
         float | None, typer.Option(metavar="N/M", help="Force per width at which the cloth parts [N/m]; the same.")
+    ] = None,
+    cloth: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MESH",
+            help="Wear a mesh (GLB, OBJ, PLY; metres), modelled on the body as it stands at the origin.",
+        ),
+    ] = None,
+    cloth_up: Annotated[
+        str | None, typer.Option(help="Up axis of an OBJ or PLY mesh: y (facing +Z, the default) or z (facing -Y).")
+    ] = None,
+    place: Annotated[
+        str | None, typer.Option(metavar="BONE", help="The mesh is modelled in the frame of this bone or role.")
+    ] = None,
+    scale_to_body: Annotated[
+        float | None,
+        typer.Option(metavar="HEIGHT", help="Scale the mesh from a body of this height, in its own unit, to this one."),
+    ] = None,
+    cloth_arms: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DEGREES",
+            help="Angle between down and the arms that the mesh is modelled on; by default the widest that fits.",
+        ),
+    ] = None,
+    remesh: Annotated[
+        float | None, typer.Option(metavar="SPACING", help="Simulate the mesh with edges of this length [m].")
+    ] = None,
+    cloth_visual: Annotated[
+        Path | None, typer.Option(metavar="MESH", help="Draw this mesh in place of the one that is simulated.")
+    ] = None,
+    texture: Annotated[
+        Path | None, typer.Option(metavar="IMAGE", help="Lay this image over the cloth's texture coordinates.")
     ] = None,
     loop: Annotated[
         bool,
@@ -262,6 +296,7 @@ def cut(
 ) -> "Cut":
     """The cape and how to simulate it."""
     from cape.cli.commands.replay import Cut
+    from cape.cli.meshes import MeshOptions
 
     return Cut(
         garments=tuple(garment or ()),
@@ -285,4 +320,14 @@ def cut(
         tear=tear,
         tear_force=tear_force,
         loop=loop,
+        mesh=MeshOptions(
+            cloth=cloth,
+            up=cloth_up,
+            place=place,
+            modelled_height=scale_to_body,
+            arms=cloth_arms,
+            remesh=remesh,
+            visual=cloth_visual,
+            texture=texture,
+        ),
     )

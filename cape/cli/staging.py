@@ -17,7 +17,12 @@ if TYPE_CHECKING:
     from cape.cli.commands.replay import Cut
 
 MOVING = ("end", "fps")  # of a motion's options those that go for any motion
-WEARING = {"garments": "garment", "length": "length", "hold": "hold"}  # fields and options that go for characters alone
+WEARING = {
+    "garments": "garment",
+    "length": "length",
+    "hold": "hold",
+    "mesh": "cloth",
+}  # fields and options that go for characters alone
 
 
 @dataclass(frozen=True, eq=False)

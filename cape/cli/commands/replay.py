@@ -2,7 +2,7 @@
 
 import json as json_format
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from cape.cli.figures.looping import loop_facts, loop_rows
 from cape.cli.figures.retargeting import retarget_facts, retarget_rows
 from cape.cli.figures.rows import print_rows
 from cape.cli.figures.tearing import tearing_facts, tearing_rows
+from cape.cli.meshes import MeshOptions, mesh_scene
 from cape.cli.output import open_viewer, output_path
 from cape.cli.reading import Reading, named_pairs
 from cape.cli.running import simulated
@@ -25,6 +26,7 @@ from cape.cli.scenes.tables import NONE, Tables
 from cape.cli.staging import Staged, staged
 from cape.cli.words import gathered
 from cape.cloth.fabric import Fabric
+from cape.cloth.textures import read_textures
 from cape.garments import registry
 from cape.measure.self_crossings import share_crossed
 from cape.record import LAYERS
@@ -38,7 +40,7 @@ from cape.scene.scene import Scene
 from cape.scene.tearing import Tearing
 from cape.scenes.registry import NamedScene
 from cape.solvers import Solver, solver
-from motions.errors import UnknownNameError, ValueRangeError
+from motions.errors import UnknownNameError, UserError, ValueRangeError
 
 CUTS = {"carry": Cuts(then="carry"), "reset": Cuts(then="reset"), "off": None}
 TABS = ("cape", "hitboxes")
@@ -73,6 +75,7 @@ class Cut:
     loop: bool = False
     tables: Tables = NONE
     garments: tuple[str, ...] = ()
+    mesh: MeshOptions = field(default_factory=MeshOptions)
 
     @property
     def worn(self) -> tuple[str, ...]:
@@ -86,6 +89,8 @@ class Cut:
             UserError: a value is out of range, or the body lacks what wears a cape.
         """
         self.tables.require_bones(who.track)
+        if self.mesh.cloth is not None:
+            return self.tables.added_to(mesh_scene(self, self.mesh.cloth, who), who.track)
         scene = dress(
             who.body,
             who.track,
@@ -98,9 +103,11 @@ class Cut:
             wind=self.air(),
             self_contact=self.self_contact,
             strain_limit=self.strain_limit,
-            hold=self._held(),
+            hold=self.held(),
             tearing=self.tearing(),
         )
+        if self.mesh.texture is not None:
+            scene = replace(scene, cloth=replace(scene.cloth, textures=read_textures(self.mesh.texture)))
         return self.tables.added_to(scene, who.track)
 
     def cloth_fabric(self) -> Fabric:
@@ -121,8 +128,11 @@ class Cut:
         for name in self.worn:
             registry.garment(name)
         self.air()
-        self._held()
+        self.held()
         self.tearing()
+        self.mesh.check()
+        if self.mesh.cloth is not None and len(self.worn) > 1:
+            raise UserError("--cloth is worn alone: leave out --garment")
         self.method()
         self.way_at_cuts()
 
@@ -141,7 +151,12 @@ class Cut:
             shelter=self.shelter,
         )
 
-    def _held(self) -> dict[str, str]:
+    def held(self) -> dict[str, str]:
+        """The bones that hold parts of the garment, by what they hold.
+
+        Raises:
+            UserError: one of them is not named so.
+        """
         return named_pairs(self.hold, "--hold", "EDGE=BONE")
 
     def tearing(self) -> Tearing | None:
@@ -244,7 +259,7 @@ def prepared(
     check_layers(layers, LAYERS)
     if tab not in TABS:
         raise UnknownNameError("tab", tab, TABS)
-    inputs = (*reading.files, hitboxes, None if file is None else file.path)
+    inputs = (*reading.files, *cut.mesh.files, hitboxes, None if file is None else file.path)
     if output is not None:
         output_path(output, "", inputs=inputs)
     own_cloth = named is not None and named.make is not None
