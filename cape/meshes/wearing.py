@@ -11,7 +11,7 @@ from cape.air.wind import Wind
 from cape.assembly.putting_on import wearer_to_world
 from cape.cloth.cloth import MeshCloth
 from cape.cloth.triangle_mesh import check_mesh, edges_of
-from cape.garments.fitting import CLEARANCE, Fitted, room_between
+from cape.garments.fitting import CLEARANCE, COARSEST, Fitted, room_between
 from cape.meshes.holding import attachments, by_the_shoulders
 from cape.meshes.letting_out import let_out
 from cape.meshes.posing import modelled_arms
@@ -92,7 +92,12 @@ def wear(
         arms = modelled_arms(_in_wearers_frame(cloth.positions, fitted, place), cloth.faces, fitted)
     fitted = fitted.with_arms(float(np.radians(arms)))
     modelled = _in_wearers_frame(cloth.positions, fitted, place)
-    thickness = room_between(_spacing(cloth), height)
+    if (spacing := _spacing(cloth)) > COARSEST * height:
+        raise ValueRangeError(
+            f"the cloth's edges of {spacing:.3g} m are too long to go around a body {height:.2f} m tall: "
+            "remesh it to a spacing, such as 0.03 m"
+        )
+    thickness = room_between(spacing, height)
     fitting = let_out(modelled, cloth.faces, fitted, thickness + CLEARANCE)
     worn = replace(cloth, positions=fitting, corners=check_mesh(fitting, cloth.faces).corners, frame="wearer")
     if hold:

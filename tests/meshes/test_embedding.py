@@ -22,6 +22,9 @@ COARSE, FINE = tube(10, 4, 0.2, 0.5), tube(40, 13, 0.21, 0.5)
 
 def test_the_nearest_place_is_that_of_a_search_over_all_triangles():
     points, faces = COARSE
+    # A triangle whose middle is far from much of it, among small ones.
+    points = np.concatenate([points, [[-0.4, -0.4, -2.0], [-0.4, 0.4, -2.0], [-0.4, 0.0, 1.0]]])
+    faces = np.concatenate([faces, [[len(points) - 3, len(points) - 2, len(points) - 1]]])
     rng = np.random.default_rng(3)
     asked = rng.uniform(-0.6, 0.6, (40, 3))
     found = nearest_on(asked, points, faces)

@@ -21,7 +21,7 @@ from motions import quaternions
 from motions.errors import UnknownNameError, UserError, ValueRangeError
 from skeleton import BoneTrack, Skeleton
 from skeleton.proportions import ANKLE_HEIGHT
-from tests.meshes.mesh_files import obj, tube
+from tests.meshes.mesh_files import obj, sheet, tube
 
 LOOK = LOOKS["cape"]
 
@@ -200,6 +200,8 @@ def test_a_cloth_out_of_proportion_closed_or_without_a_hold_is_refused(walker):
     points, faces = cone()
     with pytest.raises(ValueRangeError, match="positions are in metres"):
         wear(cape.Cloth.from_mesh(100.0 * points, faces), body, track)
+    with pytest.raises(ValueRangeError, match=r"edges of 0\.5 m are too long .* remesh it"):
+        wear(cape.Cloth.from_mesh(*sheet(3, 3, 0.5)), body, track)
     closed = np.concatenate([faces, [[0, k, k + 1] for k in range(1, 31)], [[480, k + 1, k] for k in range(481, 511)]])
     with pytest.raises(ValueRangeError, match="closed, without an edge"):
         wear(cape.Cloth.from_mesh(points, closed), body, track)
