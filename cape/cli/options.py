@@ -296,7 +296,7 @@ def cut(
 ) -> "Cut":
     """The cape and how to simulate it."""
     from cape.cli.commands.replay import Cut
-    from cape.cli.meshes import MeshOptions
+    from cape.cli.scenes.meshes import MeshOptions
 
     return Cut(
         garments=tuple(garment or ()),

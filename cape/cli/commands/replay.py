@@ -17,11 +17,11 @@ from cape.cli.figures.looping import loop_facts, loop_rows
 from cape.cli.figures.retargeting import retarget_facts, retarget_rows
 from cape.cli.figures.rows import print_rows
 from cape.cli.figures.tearing import tearing_facts, tearing_rows
-from cape.cli.meshes import MeshOptions, mesh_scene
 from cape.cli.output import open_viewer, output_path
 from cape.cli.reading import Reading, named_pairs
 from cape.cli.running import simulated
 from cape.cli.scenes.file import SceneFile
+from cape.cli.scenes.meshes import MeshOptions, mesh_scene
 from cape.cli.scenes.tables import NONE, Tables
 from cape.cli.staging import Staged, staged
 from cape.cli.words import gathered

@@ -1,6 +1,6 @@
 """A mesh that is named on the command line, as what a character wears."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -88,7 +88,7 @@ def mesh_scene(cut: "Cut", cloth: Path, who: Character) -> Scene:
     for note in notes:
         told = printable(f"{cloth.name}: {note}")
         console.print(told, style="dim", highlight=False, markup=False, soft_wrap=True)
-    return wear(
+    scene = wear(
         worn,
         body,
         who.track,
@@ -99,3 +99,4 @@ def mesh_scene(cut: "Cut", cloth: Path, who: Character) -> Scene:
         wind=cut.air(),
         self_contact=cut.self_contact,
     )
+    return replace(scene, tearing=cut.tearing())
