@@ -3,11 +3,11 @@
 from cape.air.record import WindRecord, read_wind
 from cape.air.wind import Wind
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
+from cape.cloth.drawn.textures import Textures, read_textures
+from cape.cloth.drawn.visual import Visual
 from cape.cloth.fabric import Fabric
 from cape.cloth.fabrics import FABRICS, MEASUREMENTS, fabric
 from cape.cloth.measurement import Measurement
-from cape.cloth.textures import Textures, read_textures
-from cape.cloth.visual import Visual
 from cape.garments.registry import GARMENTS
 from cape.measure.ledger import Balance, Ledger
 from cape.meshes.reading import read_cloth

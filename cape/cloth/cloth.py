@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape.cloth import tailoring
+from cape.cloth.drawn.textures import Textures
+from cape.cloth.drawn.visual import Visual
 from cape.cloth.fabric import Fabric
-from cape.cloth.textures import Textures
-from cape.cloth.visual import Visual
 from motions import quaternions
 from motions.errors import UnknownNameError, ValueRangeError
 from skeleton.shapes import UNIT_TOLERANCE

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cape.cloth.visual import Visual
+from cape.cloth.drawn.visual import Visual
 from cape.meshes.nearest import barycentric, nearest_on
 
 FloatArray = NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.cloth import MeshCloth
-from cape.cloth.textures import read_image, sampled
+from cape.cloth.drawn.textures import read_image, sampled
 from cape.meshes.cleaning.clean import parts_of
 from cape.meshes.edges import top_edge
 from cape.scene.holding.attachments import Attachment, attach

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from cape.cloth.cloth import Cloth, MeshCloth
+from cape.cloth.drawn.textures import Textures
 from cape.cloth.fabric import Fabric
-from cape.cloth.textures import Textures
 from cape.meshes.cleaning.clean import clean
 from cape.meshes.embedding import embedded
 from cape.meshes.files.glb import read_glb

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cape.cloth.textures import Textures
+from cape.cloth.drawn.textures import Textures
 from motions.errors import UnknownNameError
 
 FloatArray = NDArray[np.float64]

@@ -25,8 +25,8 @@ from cape.cli.scenes.meshes import MeshOptions, mesh_scene
 from cape.cli.scenes.tables import NONE, Tables
 from cape.cli.staging import Staged, staged
 from cape.cli.words import gathered
+from cape.cloth.drawn.textures import read_textures
 from cape.cloth.fabric import Fabric
-from cape.cloth.textures import read_textures
 from cape.garments import registry
 from cape.measure.self_crossings import share_crossed
 from cape.record import LAYERS

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from cape.cli.character import Character
-from cape.cloth.textures import read_textures
+from cape.cloth.drawn.textures import read_textures
 from cape.meshes.reading import read_cloth
 from cape.meshes.source import AS_IS
 from cape.meshes.wearing import wear

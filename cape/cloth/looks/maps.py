@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.cloth.drawn.textures import Textures
 from cape.cloth.looks.look import Look
-from cape.cloth.textures import Textures
 
 TextureArray = NDArray[np.uint8]
 FloatArray = NDArray[np.floating]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.cloth.textures import Textures, decoded
+from cape.cloth.drawn.textures import Textures, decoded
 from cape.meshes.source import FloatArray, Source, add_weight, upright
 from motions import quaternions
 from motions.errors import FileError, UserError

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.cloth.drawn.visual import Visual
 from cape.cloth.looks.look import Look
 from cape.cloth.looks.sewn import texture_of
 from cape.cloth.normals import vertex_normals
-from cape.cloth.visual import Visual
 from cape.record.surfaces.textures import plain
 
 if TYPE_CHECKING:
