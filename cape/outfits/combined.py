@@ -151,6 +151,7 @@ def _of_part(take: Take, part: Part) -> Take:
         stretch_max=np.maximum(strain, 0.0),
         held=held - part.start,
         contacts=None if take.contacts is None else _contacts_of(take.contacts, part),
+        topologies=(),  # an outfit does not tear
         cloth=part.cloth,
     )
 

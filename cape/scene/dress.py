@@ -19,6 +19,7 @@ from cape.scene.scene import WEARER_ROLES, Scene
 from cape.scene.self_contact import SelfContact
 from cape.scene.stance import room_on_all_fours
 from cape.scene.tearing import Tearing
+from motions.errors import ValueRangeError
 from skeleton import proportions
 from skeleton.rest import FRAME_ROLES
 from skeleton.track import BoneTrack
@@ -74,6 +75,8 @@ def dress(
             shoulders, upper arms, chest, pelvis or head, as far as the garment needs them, that are known by name.
     """
     if garments is not None:
+        if tearing is not None:
+            raise ValueRangeError("garments that are worn over each other do not tear: wear one, or leave out tearing")
         from cape.outfits.dressing import dress_in
 
         return dress_in(

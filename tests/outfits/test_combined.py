@@ -117,6 +117,12 @@ def test_a_take_comes_apart(lying, tmp_path):
     assert "/world/cape" not in drawn.entities
 
 
+def test_garments_over_each_other_do_not_tear(walker):
+    body, track = walker
+    with pytest.raises(cape.UserError, match="do not tear"):
+        cape.dress(body, track, garments=["shoulder_cape", "skirt"], tearing=cape.Tearing(strain=0.2))
+
+
 def test_a_cape_over_a_skirt_starts_outside_of_it_and_stays_there(walker):
     body, track = walker
     scene = cape.dress(body, track, garments=["back_cape", "skirt"], spacing=0.1)
