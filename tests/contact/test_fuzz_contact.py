@@ -13,19 +13,20 @@ from tests.support.scenes import both_by_default
 COUNT, CHUNK, ALL = 20, 10, 500
 
 
-def check(solver: Solver, first: int):
-    faults = [fault for number in range(first, first + CHUNK) for fault in run(arrangement(number), solver).faults]
-    assert not faults, "\n".join(faults)
+def faults(solver: Solver, first: int) -> str:
+    return "\n".join(
+        fault for number in range(first, first + CHUNK) for fault in run(arrangement(number), solver).faults
+    )
 
 
 @both_by_default
 @pytest.mark.parametrize("first", range(0, COUNT, CHUNK))
 def test_random_arrangements_go_well(solver: Solver, first: int):
-    check(solver, first)
+    assert faults(solver, first) == ""
 
 
 @pytest.mark.extra
 @both_by_default
 @pytest.mark.parametrize("first", range(COUNT, ALL, CHUNK))
 def test_all_random_arrangements_go_well(solver: Solver, first: int):
-    check(solver, first)
+    assert faults(solver, first) == ""

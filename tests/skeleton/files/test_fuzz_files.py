@@ -152,22 +152,29 @@ def readers(arm: Skeleton, folder: Path) -> dict[str, tuple[Callable[[bytes], ob
 FORMATS = ("bvh", "urdf", "csv", "npz", "array", "toml")
 
 
-def hold_out(arm: Skeleton, folder: Path, kind: str, cases: int) -> None:
+def places_reached(arm: Skeleton, folder: Path, kind: str, cases: int) -> tuple[int, int]:
+    """How many places in the readers so many damaged files reach, and what they take of memory [KiB].
+
+    Anything but a `UserError` comes out.
+    """
     read, seeds = readers(arm, folder)[kind]
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         reached = fuzz(read, seeds, cases=cases, expected=UserError)
-    assert reached > 30
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < ROOM
+    return reached, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
 
 
 @pytest.mark.parametrize("kind", FORMATS)
 def test_damaged_files_are_read_or_refused(arm, tmp_path, kind):
-    hold_out(arm, tmp_path, kind, IN_SUITE)
+    reached, taken = places_reached(arm, tmp_path, kind, IN_SUITE)
+    assert reached > 30
+    assert taken < ROOM
 
 
 @pytest.mark.extra
 @pytest.mark.parametrize("kind", FORMATS)
 def test_many_damaged_files_are_read_or_refused(arm, tmp_path, kind):
-    hold_out(arm, tmp_path, kind, IN_EXTRA)
+    reached, taken = places_reached(arm, tmp_path, kind, IN_EXTRA)
+    assert reached > 30
+    assert taken < ROOM
