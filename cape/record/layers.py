@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cape.cloth.looks.look import Color, Look
 from cape.cloth.looks.registry import LOOKS
 from cape.record.frames import Frames, send_once
-from cape.record.surfaces.drawn import drawn_of
+from cape.record.surfaces.drawn import drawn_of, texture_drawn
 from cape.record.surfaces.textures import albedo
 from cape.results.kept import let_go
 from motions.errors import UnknownNameError
@@ -51,11 +51,11 @@ def log_cape(
     """Put the cloth on its path: the texture of its outside on both sides; the blueprint draws the lining."""
     import rerun as rr
 
-    drawn = drawn_of(take, look)
+    drawn = drawn_of(take)
     changes = {} if take.tears == 0 else {t.frame: t.triangles for t in take.topologies}
     if frames.begins:
         always = {} if changes else {"triangle_indices": drawn.triangles}
-        mesh = {"vertex_texcoords": drawn.texcoords, **always, **albedo(drawn.texture)}
+        mesh = {"vertex_texcoords": drawn.texcoords, **always, **albedo(texture_drawn(take, look))}
         send_once(stream, path, rr.Mesh3D.from_fields(**mesh))
     for block in frames.blocks(2 * 12 * drawn.vertices):
         numbers = frames.numbers[block]

@@ -16,6 +16,7 @@ import pytest
 import trimesh
 from PIL import Image
 
+from cape.cloth.drawn.textures import Textures
 from cape.cloth.normals import vertex_normals
 from cape.exports import FORMATS, moving_mesh
 from cape.results.take import Take
@@ -64,6 +65,14 @@ def test_obj_with_its_caches_and_material(take: Take, tmp_path: Path):
     frames, vertices = struct.unpack(">ii", data[:8])
     same(np.frombuffer(data[8 : 8 + 4 * frames], ">f4"), np.arange(FRAMES) / FPS)
     same(np.frombuffer(data[8 + 4 * frames :], ">f4").reshape(frames, vertices, 3), turned(take))
+
+
+def test_an_image_of_ones_own_is_exported(take: Take):
+    assert take.cloth is not None
+    image = np.arange(2 * 3 * 3, dtype=np.uint8).reshape(2, 3, 3)
+    worn = replace(take, cloth=replace(take.cloth, textures=Textures(image)))
+    assert np.array_equal(moving_mesh.moving_mesh(worn).texture, image)
+    assert not np.array_equal(moving_mesh.moving_mesh(take).texture, image)
 
 
 @pytest.mark.parametrize("suffix", ["pc2", "mdd"])

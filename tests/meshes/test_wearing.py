@@ -14,7 +14,7 @@ from cape.garments.fitting import Fitted
 from cape.meshes.nearest import nearest_on
 from cape.meshes.posing import ARMS, modelled_arms
 from cape.meshes.wearing import wear
-from cape.record.surfaces.drawn import drawn_of
+from cape.record.surfaces.drawn import drawn_of, texture_drawn
 from cape.run.hanging import Hanging
 from cape.scene.poses import read_pose
 from motions import quaternions
@@ -232,8 +232,8 @@ def test_a_fine_mesh_with_an_image_is_drawn_in_place_of_the_coarse_one(walker, t
     assert take.stretch_max.max() < 0.1
     assert take.cloth is not None
     assert cloth.visual is not None
-    drawn = drawn_of(take, LOOK)
-    assert np.array_equal(drawn.texture, picture)
+    drawn = drawn_of(take)
+    assert np.array_equal(texture_drawn(take, LOOK), picture)
     assert drawn.vertices == len(points)
     places, normals = drawn.at(take.positions)
     assert places.shape == normals.shape == (len(take.positions), len(points), 3)
@@ -243,4 +243,4 @@ def test_a_fine_mesh_with_an_image_is_drawn_in_place_of_the_coarse_one(walker, t
     take.save(tmp_path / "poncho.rrd", layers=["cape"])
     assert (tmp_path / "poncho.rrd").stat().st_size > places.nbytes / 4
     plain = replace(take, cloth=replace(take.cloth, textures=None))
-    assert drawn_of(plain, LOOK).texture.shape != picture.shape
+    assert texture_drawn(plain, LOOK).shape != picture.shape

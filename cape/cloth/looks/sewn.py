@@ -25,7 +25,12 @@ MOTTLE = 0.03, 0.22  # how uneven cloth is dyed, as a share of its brightness, a
 
 
 def texture_of(cloth: Cloth, look: Look, *, texels: int = TEXELS) -> TextureArray:
-    """Draw a cloth over its texture coordinates in so many texels at most, sRGB, shape (height, width, 3)."""
+    """Draw a cloth over its texture coordinates in so many texels at most, sRGB, shape (height, width, 3).
+
+    A cloth that has textures of its own is drawn in those, as large as they are.
+    """
+    if cloth.textures is not None:
+        return cloth.textures.albedo
     across, down, edge, seam, bright = _measures(cloth, texels)
     texel = float(max(np.abs(np.diff(across, axis=1)).max(), np.abs(np.diff(down, axis=0)).max()))
     tile, size = maps_of(look, texels=TILE_TEXELS), TILE_TEXELS

@@ -20,18 +20,16 @@ FloatArray = NDArray[np.float32]
 
 
 class Drawn(NamedTuple):
-    """A mesh with its texture.
+    """A mesh that is drawn.
 
     Attributes:
         triangles: vertex indices, shape (T, 3).
         texcoords: from the top left, shape (V, 2).
-        texture: sRGB, shape (height, width, 3).
         visual: what carries its vertices along; None where they are the simulated ones.
     """
 
     triangles: NDArray[np.int32]
     texcoords: FloatArray
-    texture: NDArray[np.uint8]
     visual: Visual | None
 
     def at(self, positions: FloatArray, triangles: NDArray[np.int32] | None = None) -> tuple[FloatArray, FloatArray]:
@@ -50,19 +48,22 @@ class Drawn(NamedTuple):
         return len(self.texcoords)
 
 
-def drawn_of(take: Take, look: Look) -> Drawn:
-    """What is drawn of a take's cloth; of the fabric's look where the cloth has no textures of its own.
-
-    A fabric is drawn to measure over the cloth's pattern, an image over the texture coordinates that were made for it.
-    """
+def drawn_of(take: Take) -> Drawn:
+    """The mesh that is drawn for a take's cloth."""
     cloth = take.cloth
-    if cloth is None:
-        return Drawn(take.triangles, take.texcoords, plain(look.color), None)
-    texture = texture_of(cloth, look) if cloth.textures is None else cloth.textures.albedo
-    visual = None if take.tears else cloth.visual  # its triangles would span the tears
-    if visual is None:
-        return Drawn(take.triangles, take.texcoords, texture, None)
+    # The triangles of a finer mesh would span tears.
+    visual = None if cloth is None or take.tears else cloth.visual
+    if cloth is None or visual is None:
+        return Drawn(take.triangles, take.texcoords, None)
     texcoords = visual.uv if cloth.textures is not None else None
     if texcoords is None:
         texcoords = np.einsum("vck,vc->vk", take.texcoords[visual.corners], visual.shares).astype(np.float32)
-    return Drawn(visual.triangles, texcoords, texture, visual)
+    return Drawn(visual.triangles, texcoords, visual)
+
+
+def texture_drawn(take: Take, look: Look) -> NDArray[np.uint8]:
+    """The texture of a take's cloth, sRGB, shape (height, width, 3): of a look where the cloth has none of its own.
+
+    A fabric is drawn to measure over the cloth's pattern, an image over the texture coordinates that were made for it.
+    """
+    return plain(look.color) if take.cloth is None else texture_of(take.cloth, look)
