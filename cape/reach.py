@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly import putting_on
-from cape.assembly.assemble import assemble
 from cape.assembly.geodesics import geodesic_distances
+from cape.assembly.holding import attached_of
 from cape.kernels.solve.attachments import Attached
 from cape.scene.jumps import Cuts, rigid_motion
 from cape.scene.poses import Pose, read_pose
@@ -143,7 +143,7 @@ class _Held:
         distances, nearest = geodesic_distances(scene.cloth, vertices)
         if (nearest < 0).any():
             return None
-        attached = assemble(scene, held).attached
+        attached = attached_of(scene, [(attachment, own, own) for attachment, own in hard])
         if attached is None:
             return None
         worn, spread = putting_on.hold_points(scene, attached, hard, first, start)

@@ -47,16 +47,23 @@ def contacts_of(scene: Scene, cloth: Cloth, free: NDArray[np.bool_]) -> Contacts
 
     `cloth` is the scene's cloth as the solver numbers it, `free` (V,) which of its vertices no bone holds.
     """
-    tiles = -(-len(free) // TILE)
-    shared = {"spreads": np.zeros((tiles, 3)), "alarm": np.zeros(tiles + 1, dtype=np.int64)}
-    colliders = faces = None
-    if scene.colliders:
-        layouts = [collider.layout() for collider in scene.colliders]
-        colliders = _colliders(scene, layouts, len(free), shared)
-        faces = _faces(colliders, layouts, cloth)
+    shared = _shared(len(free))
+    colliders, layouts = _colliders(scene, len(free), shared)
+    faces = None if colliders is None else _faces(colliders, layouts, cloth)
     layers = layers_of(scene, cloth, **shared)
     pressure = None if layers is None else layers.pressure
     return Contacts(free, colliders, faces, layers, pressure, np.full(1, NEVER, np.int64))
+
+
+def colliders_of(scene: Scene, vertices: int) -> Colliders | None:
+    """The colliders of a scene for a cloth of so many vertices, without what else it can't enter."""
+    return _colliders(scene, vertices, _shared(vertices))[0]
+
+
+def _shared(vertices: int) -> dict[str, Any]:
+    """What colliders and layers know of the tiles of so many vertices."""
+    tiles = -(-vertices // TILE)
+    return {"spreads": np.zeros((tiles, 3)), "alarm": np.zeros(tiles + 1, dtype=np.int64)}
 
 
 def link_distances(scene: Scene, colliders: Colliders, faces: Faces | None, linker: Linker) -> None:
@@ -101,8 +108,11 @@ def _points(count: int) -> Points:
     return Points(*np.zeros((7, count)))
 
 
-def _colliders(scene: Scene, layouts: Sequence[Layout], vertices: int, shared: dict[str, Any]) -> Colliders:
+def _colliders(scene: Scene, vertices: int, shared: dict[str, Any]) -> tuple[Colliders | None, list[Layout]]:
+    layouts = [collider.layout() for collider in scene.colliders]
     count, tiles = len(layouts), len(shared["spreads"])
+    if not count:
+        return None, layouts
     rows = np.zeros(count, COLLIDER).view(np.recarray)
     for row, collider, layout in zip(rows, scene.colliders, layouts, strict=True):
         # The world comes after the last bone.
@@ -111,7 +121,7 @@ def _colliders(scene: Scene, layouts: Sequence[Layout], vertices: int, shared: d
         row.sizes = (*layout.sizes, 0.0, 0.0, 0.0, 0.0)[:4]
         row.thickness = scene.thickness if collider.thickness is None else collider.thickness
         row.friction = scene.friction if collider.friction is None else collider.friction
-    return Colliders(
+    colliders = Colliders(
         records=rows,
         active=np.zeros(count + 1, dtype=np.int64),
         clock=np.zeros(2, dtype=np.int64),
@@ -125,6 +135,7 @@ def _colliders(scene: Scene, layouts: Sequence[Layout], vertices: int, shared: d
         pinched=np.zeros(vertices, dtype=bool),
         **shared,
     )
+    return colliders, layouts
 
 
 def _faces(colliders: Colliders, layouts: Sequence[Layout], cloth: Cloth) -> Faces | None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape.assembly.assemble import Assembly
-from cape.assembly.contact import contacts_of, link_distances
+from cape.assembly.contact import colliders_of, link_distances
 from cape.kernels.bones import MotionRoom
 from cape.kernels.calling import Bound
 from cape.kernels.cloth import measure
@@ -75,8 +75,7 @@ class Meter:
             self._meet_colliders()
 
     def _meet_colliders(self) -> None:
-        assembly = self._assembly
-        self._colliders = contacts_of(self.scene, assembly.cloth, assembly.loose).colliders
+        self._colliders = colliders_of(self.scene, self._assembly.cloth.vertices)
         self._linker = Linker()
         if self._colliders is not None:
             link_distances(self.scene, self._colliders, None, self._linker)

@@ -33,19 +33,25 @@ def ray_hits(origins: FloatArray, directions: FloatArray, corners: FloatArray) -
     return np.where(met, way, np.inf)
 
 
+def across(directions: FloatArray) -> FloatArray:
+    """Two directions across each of n of unit length, at right angles to it and each other, shape (n, 2, 3)."""
+    least = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    aside = np.cross(directions, least)
+    return np.stack([aside, np.cross(directions, aside)], axis=1)
+
+
 def near_ray(
-    origin: FloatArray, direction: FloatArray, positions: NDArray[np.floating], triangles: NDArray[np.integer]
+    origin: FloatArray, aside: FloatArray, positions: NDArray[np.floating], triangles: NDArray[np.integer]
 ) -> IntArray:
     """The triangles that a ray may meet: those whose corners aren't all on one side of it, as seen along it.
 
     Args:
         origin: where it begins [m], shape (3,).
-        direction: where it goes, shape (3,).
+        aside: two directions `across` it, shape (2, 3).
         positions: of the vertices [m], shape (V, 3).
         triangles: three vertices each, shape (T, 3).
     """
-    aside = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
-    x, y = np.stack([aside, np.cross(direction, aside)]) @ (positions - origin).T
+    x, y = aside @ (positions - origin).T
     sides = (x > 0.0) | (x < 0.0) << np.uint8(1) | (y > 0.0) << np.uint8(2) | (y < 0.0) << np.uint8(3)  # a bit each
     a, b, c = triangles.T
     return np.flatnonzero((sides[a] & sides[b] & sides[c]) == 0)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth
-from cape.measure.wearing import folds, near_ray, ray_hits
+from cape.measure.wearing import across, folds, near_ray, ray_hits
 from cape.results.kept import blocks, let_go
 from cape.results.placed_colliders import PlacedColliders
 from cape.results.take import Take
@@ -86,22 +86,25 @@ def _shoulders_covered(take: Take, cloth: Cloth, joints: Sequence[FloatArray], u
     body = _of_the_body(take)
     if not body or "waist" in cloth.regions:
         return None
-    count, met = len(take.positions), []
-    rays, frames = [], []
-    for ray, joint in enumerate(joints):
-        for frame, positions in enumerate(take.positions):
-            if frame % LET_GO == 0:
-                let_go(take.positions)
-            triangles = take.triangles_at(frame)
-            above = near_ray(joint[frame], up[frame], positions, triangles)
-            ways = ray_hits(joint[None, frame], up[None, frame], positions[triangles[above]].astype(float)[None])
-            found = joint[frame] + ways[np.isfinite(ways), None] * up[frame]
-            met.append(found)
-            rays += [ray] * len(found)
-            frames += [frame] * len(found)
-    close = _distances(PlacedColliders(take), body, np.array(frames, np.int64), np.concatenate(met)) <= CLOSE
+    count, sides = len(take.positions), across(up)
+    rays, frames, corners = [], [], []
+    for frame, positions in enumerate(take.positions):
+        if frame % LET_GO == 0:
+            let_go(take.positions)
+        triangles = take.triangles_at(frame)
+        for ray, joint in enumerate(joints):
+            near = near_ray(joint[frame], sides[frame], positions, triangles)
+            corners.append(positions[triangles[near]])
+            rays += [ray] * len(near)
+            frames += [frame] * len(near)
+    rays, frames = np.array(rays, np.int64), np.array(frames, np.int64)
+    origins, along = np.stack(joints)[rays, frames], up[frames]
+    ways = ray_hits(origins, along, np.concatenate(corners).astype(float)[:, None])[:, 0]
+    hit = np.isfinite(ways)
+    rays, frames, met = rays[hit], frames[hit], origins[hit] + ways[hit, None] * along[hit]
+    close = _distances(PlacedColliders(take), body, frames, met) <= CLOSE
     covered = np.zeros((count, len(joints)), dtype=bool)
-    covered[np.array(frames, np.int64)[close], np.array(rays, np.int64)[close]] = True
+    covered[frames[close], rays[close]] = True
     return float(covered.all(axis=1).mean())
 
 

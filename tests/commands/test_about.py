@@ -23,6 +23,11 @@ def test_the_version_is_the_packages(forks, tmp_path):
     assert cape.__version__ == importlib.metadata.version("cape")
 
 
+def test_the_command_is_a_module_as_well():
+    done = subprocess.run([sys.executable, "-m", "cape", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"cape {cape.__version__}\n"
+
+
 @pytest.mark.parametrize("arguments", [[], ["replay"], ["warm-up"]])
 def test_help_is_asked_for_in_short(arguments, forks, tmp_path):
     short, long = (forks(*arguments, option, folder=tmp_path) for option in ("-h", "--help"))

@@ -10,7 +10,7 @@ from scipy.signal import find_peaks
 
 import cape
 from cape.cloth.cloth import GridCloth
-from cape.measure.wearing import folds, near_ray, prominent_maxima, ray_hits
+from cape.measure.wearing import across, folds, near_ray, prominent_maxima, ray_hits
 from cape.results.fit import CLOSE, Fit, fit_of
 from cape.results.take import Take
 from tests.support.takes import take_of
@@ -40,14 +40,14 @@ def test_no_triangle_that_a_ray_meets_is_left_out(seed):
     direction /= np.linalg.norm(direction)
     origin = rng.integers(-3, 4, 3).astype(float)
     ways = ray_hits(origin[None], direction[None], positions[triangles][None])[0]
-    near = near_ray(origin, direction, positions, triangles)
+    near = near_ray(origin, across(direction[None])[0], positions, triangles)
     assert set(np.flatnonzero(np.isfinite(ways))) <= set(near)
 
 
 def test_few_triangles_are_near_a_ray():
     sheet = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.05, down=(1.0, 0.0, 0.0))
     middle = sheet.positions.mean(axis=0) - [0.01, 0.02, 1.0]
-    assert 1 <= len(near_ray(middle, UP, sheet.positions, sheet.triangles)) <= 2
+    assert 1 <= len(near_ray(middle, across(UP[None])[0], sheet.positions, sheet.triangles)) <= 2
 
 
 @given(st.lists(st.integers(0, 8), min_size=3, max_size=40), st.integers(1, 4))
