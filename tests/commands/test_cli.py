@@ -142,11 +142,12 @@ def plain(tmp_path_factory) -> tuple[dict[str, Any], Path]:
     return json.loads(done.stdout), folder
 
 
-COARSE = ("replay", "walk", "--end", "0.4", "-o", "out.rrd", "--spacing", "0.05")
+BRIEF = ("replay", "walk", "--end", "0.1", "-o", "out.rrd")
+COARSE = ("replay", "walk", "--end", "0.3", "-o", "out.rrd", "--garment", "back_cape", "--spacing", "0.06")
 DENIM = (*COARSE, "--fabric", "denim")
 # All that adds to the table, on the clip whose feet the cape doesn't reach.
-MUCH = ("replay", "idle", "--end", "0.2", "-o", "out.rrd", "--self-contact", "--check",
-        "--solver", "xpbd", "--substeps", "12")  # fmt: skip
+MUCH = ("replay", "idle", "--end", "0.1", "-o", "out.rrd", "--garment", "back_cape", "--spacing", "0.06",
+        "--self-contact", "--check", "--solver", "xpbd", "--substeps", "12")  # fmt: skip
 
 
 def test_replay_without_a_clip_replays_the_walk_and_tells_it_in_json(plain):
@@ -182,14 +183,14 @@ def test_no_thread_stretches_further_than_its_fabric_allows_unless_asked(once):
 
 def test_options_reach_the_simulation(once, plain):
     usual, _ = plain
-    coarse = once.facts(*DENIM)
+    coarse = once.facts(*BRIEF, "--spacing", "0.05", "--fabric", "denim")
     # Vertices 5 cm apart instead of 0.0252 of 1.75 m, rows and columns each to the nearest.
     assert coarse["vertices"] == pytest.approx(usual["vertices"] * (0.0252 * 1.75 / 0.05) ** 2, rel=0.05)
     assert coarse["substeps"] < usual["substeps"]
-    short = once.facts("replay", "walk", "--end", "0.2", "-o", "out.rrd", "--length", "0.5", "--fps", "30")
+    short = once.facts(*BRIEF, "--length", "0.5", "--fps", "30")
     assert short["vertices"] < 0.6 * usual["vertices"]
     assert short["fps"] == pytest.approx(30.0)
-    assert short["frames"] == 7
+    assert short["frames"] == 4
 
 
 BEYOND = re.compile(r"at least \d+\.\d\d m beyond the cloth's reach of \d\.\d\d m")
@@ -201,11 +202,11 @@ def unfolded(text: str) -> str:
 
 
 def test_hitboxes_tell_of_each_collider_what_the_cape_does_to_it(tmp_path):
-    done = cape("hitboxes", "idle", "--end", "0.2", folder=tmp_path)
+    done = cape("hitboxes", "idle", "--end", "0.1", folder=tmp_path)
     assert done.returncode == 0
     told = unfolded(done.stdout)
     assert re.search(
-        r"left_chest capsule of 122 mm on Spine1, thickness 5 mm; kept: within .* touched in 13 frames", told
+        r"left_chest capsule of 122 mm on Spine1, thickness 5 mm; kept: within .* touched in 7 frames", told
     )
     assert re.search(
         rf"left_foot capsule of 38 mm on LeftFoot, thickness 5 mm; left out: {BEYOND.pattern}; never", told
@@ -240,7 +241,7 @@ def test_a_check_measures_apart_from_the_solver(once, plain):
 
 
 def test_a_check_measures_the_error_of_the_time_step(once):
-    errors = [once.facts(*COARSE, "--check", *more)["step_error"] for more in ([], ["--substeps", "400"])]
+    errors = [once.facts(*COARSE, "--check", *more)["step_error"] for more in ([], ["--substeps", "200"])]
     assert all(error["seconds"] == 0.1 and error["parts"] == 10 for error in errors)
     assert 0.0 < errors[1]["rms_mm"] < errors[0]["rms_mm"] < errors[0]["max_mm"] < 10.0
 
@@ -258,7 +259,7 @@ def test_a_tolerance_or_a_budget_chooses_solver_and_steps(once):
 
 
 def test_replay_says_what_it_left_out_and_why(once):
-    left_out = once.facts("replay", "idle", "--end", "0.2", "-o", "out.rrd")["left_out"]
+    left_out = once.facts(*MUCH)["left_out"]
     assert set(left_out) == {"left_foot", "right_foot", "floor"}
     assert all(BEYOND.fullmatch(reason) for reason in left_out.values())
     assert f"left out floor: {left_out['floor']}" in unfolded(once(*MUCH).stdout)
@@ -288,7 +289,7 @@ def test_what_is_read_is_not_written(once, tmp_path):
 
 def test_an_end_beyond_the_clip_is_told_and_taken_for_its_end(once):
     last = motions.load("idle").duration
-    done = once("replay", "idle", "--start", str(last - 0.1), "--end", "99", "-o", "out.rrd", "--json")
+    done = once("replay", "idle", "--start", str(last - 0.1), "--end", "99", "-o", "out.rrd", "--spacing", "0.06", "--json")
     assert json.loads(done.stdout)["frames"] == 7
     assert f"end: 99 s is beyond the motion, which lasts {last:g} s: it is taken to its end" in unfolded(done.stderr)
 
@@ -315,7 +316,7 @@ def test_garments_are_listed_and_worn(once):
     told = unfolded(once("garments").stdout)
     assert all(f"{garment.name} {garment.title}" in told for garment in GARMENTS.values())
     assert once.facts("garments") == {garment.name: garment.title for garment in GARMENTS.values()}
-    command = ("replay", "walk", "--end", "0.1", "-o", "out.rrd", "--spacing", "0.06", "--garment")
+    command = (*BRIEF, "--spacing", "0.06", "--garment")
     for name in ("half_cape", "tabard"):
         assert once.facts(*command, name)["result"] == "finished"
 
@@ -323,7 +324,7 @@ def test_garments_are_listed_and_worn(once):
 @pytest.mark.parametrize("name", ["chiffon-weight", "jersey", "leather-weight"])
 def test_a_cape_may_be_of_any_fabric(once, name):
     worn = ("--garment", "back_cape", "--spacing", "0.06", "--fabric", name)
-    facts = once.facts("replay", "walk", "--end", "0.1", "-o", "out.rrd", *worn)
+    facts = once.facts(*BRIEF, *worn)
     assert facts["result"] == "finished"
 
 

@@ -12,15 +12,19 @@ from motions import quaternions
 from skeleton import Skeleton
 from tests.support.command import Forks
 
+# The suite replays one clip of each kind.
+SLOW = pytest.mark.extra
 REAL = [
-    "ad_cmu1_jumping_jacks",
+    *(
+        pytest.param(name, marks=SLOW)
+        for name in ("ad_cmu1_jumping_jacks", "cmu_02_04_jump", "cmu_05_11_pirouette_daz", "cmu_09_01_run",
+                     "cmu_12_01_walk")
+    ),
     "ad_fair1_jumping_zup",
-    "cmu_02_04_jump",
-    "cmu_05_11_pirouette_daz",
-    "cmu_09_01_run",
     "cmu_10_03_soccer_kick",
-    "cmu_12_01_walk",
-]
+]  # fmt: skip
+WORN = [pytest.param(name, marks=SLOW) if name in ("idle", "kick", "run") else name for name in motions.clip_names()]
+SHIPPED = [name if name in ("idle", "jump") else pytest.param(name, marks=SLOW) for name in motions.clip_names()]
 
 
 class Recording:
@@ -127,12 +131,12 @@ def test_real_motion_wears_its_cape(name, mocap, tmp_path, forks):
     check(clip, *replay(forks, clip, tmp_path, *BACK))
 
 
-@pytest.mark.parametrize("name", motions.clip_names())
+@pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_clips_wear_their_cape(name: str, idle: tuple[dict, Recording], tmp_path: Path, forks: Forks):
     check(name, *(idle if name == "idle" else replay(forks, name, tmp_path, *BACK)))
 
 
-@pytest.mark.parametrize("name", motions.clip_names())
+@pytest.mark.parametrize("name", WORN)
 def test_a_cape_lies_on_the_shoulders_in_shipped_clips(name: str, tmp_path: Path, forks: Forks):
     """What is worn by default."""
     facts, recording = replay(forks, name, tmp_path)
@@ -149,13 +153,13 @@ def test_a_cape_lies_on_the_shoulders_in_shipped_clips(name: str, tmp_path: Path
 
 
 def test_xpbd_replays_too(tmp_path, forks):
-    facts, _ = replay(forks, "walk", tmp_path, "--solver", "xpbd")
+    facts, _ = replay(forks, "walk", tmp_path, "--end", "1.5", "--solver", "xpbd", *BACK)
     assert facts["result"] == "finished"
     assert facts["penetration_max_mm"] <= 5.0
 
 
 def test_wind_blows_the_cape_its_way(idle, tmp_path, forks):
-    facts, blown = replay(forks, "idle", tmp_path, "--end", "2", "--wind", "-6", "0", "0", *BACK)
+    facts, blown = replay(forks, "idle", tmp_path, "--end", "1", "--wind", "-6", "0", "0", *BACK)
     assert facts["result"] == idle[0]["result"] == "finished"
     last = facts["frames"] - 1
     there, here = (
@@ -165,7 +169,7 @@ def test_wind_blows_the_cape_its_way(idle, tmp_path, forks):
     # In the lee of the body, from in front of which it comes, there is less of it,
     # behind the trunk but not where the cape is wider.
     (tmp_path / "mast.csv").write_text("0,-6,0,0\n9,-6,0,0\n")
-    facts, kept = replay(forks, "idle", tmp_path, "--end", "2", "--wind-file", "mast.csv", "--shelter", *BACK)
+    facts, kept = replay(forks, "idle", tmp_path, "--end", "1", "--wind-file", "mast.csv", "--shelter", *BACK)
     assert facts["result"] == "finished"
     lee = kept.column("/world/cape", "Mesh3D:vertex_positions")[last].mean(axis=0)
     assert there[0] - here[0] < 1.1 * (lee[0] - here[0]) < 0.0
