@@ -28,8 +28,13 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     return len(os.sched_getaffinity(0)) + 1
 
 
+@pytest.hookimpl(tryfirst=True)  # before marks are looked at
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that take longest."""
+    """Begin with the files that take longest; leave to `.ci/extra` what `few` of a test's parameters stand for."""
+    for item in items:
+        few = item.get_closest_marker("few")
+        if few is not None and isinstance(item, pytest.Function) and item.callspec.id not in few.args:
+            item.add_marker(pytest.mark.extra)
     places = {name: place for place, name in enumerate(LONG)}
     items.sort(key=lambda item: places.get(item.path.name, len(LONG)))
 

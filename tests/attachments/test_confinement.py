@@ -42,6 +42,7 @@ def plate(make=grid_cloth):
 
 @every_solver
 @pytest.mark.parametrize("make", [grid_cloth, mesh_cloth], ids=["grid", "mesh"])
+@pytest.mark.few("grid-xpbd", "mesh-euler", "grid-tr_bdf2", "mesh-backward_euler")
 def test_what_falls_is_caught_at_its_distance_and_loses_its_energy(solver: Solver, make):
     cloth, far = plate(make), 0.05
     ledger = Ledger()

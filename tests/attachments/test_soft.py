@@ -43,6 +43,7 @@ def on_springs(solver: Solver, omega: float, damping: float, *, gravity: float =
 
 @every_solver
 @pytest.mark.parametrize("make", [grid_cloth, mesh_cloth], ids=["grid", "mesh"])
+@pytest.mark.few("grid-euler", "mesh-xpbd", "grid-tr_bdf2", "mesh-backward_euler")
 def test_a_mass_on_a_spring_sags_by_its_weight_over_the_stiffness(solver: Solver, make):
     omega = 30.0  # rad/s, of which critical damping leaves exp(-30) in a second
     simulation = on_springs(dataclasses.replace(solver, substeps=20), omega, 2 * omega, gravity=G, make=make)

@@ -289,7 +289,9 @@ def test_what_is_read_is_not_written(once, tmp_path):
 
 def test_an_end_beyond_the_clip_is_told_and_taken_for_its_end(once):
     last = motions.load("idle").duration
-    done = once("replay", "idle", "--start", str(last - 0.1), "--end", "99", "-o", "out.rrd", "--spacing", "0.06", "--json")
+    done = once(
+        "replay", "idle", "--start", str(last - 0.1), "--end", "99", "-o", "out.rrd", "--spacing", "0.06", "--json"
+    )
     assert json.loads(done.stdout)["frames"] == 7
     assert f"end: 99 s is beyond the motion, which lasts {last:g} s: it is taken to its end" in unfolded(done.stderr)
 

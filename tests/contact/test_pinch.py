@@ -68,6 +68,7 @@ def test_what_limbs_close_upon_is_held_midway_between_them(name: str, limit: boo
 @pytest.mark.parametrize(
     ("name", "limit"), [*((name, False) for name in cape.SOLVERS), ("euler", True), ("xpbd", True)]
 )
+@pytest.mark.few("euler-True", "xpbd-True", "tr_bdf2-False")
 def test_it_comes_out_when_they_part(name: str, limit: bool):
     pinched = Pinched(name, limit=limit)
     for _ in pinched.go(2.5):

@@ -111,6 +111,7 @@ def most_strained(scene: Scene, solver) -> tuple[float, float]:
 
 
 @every_solver
+@pytest.mark.few("euler", "xpbd")
 def test_a_cloth_hangs_no_longer_than_its_threads_may_get(sheet: MeshCloth, solver):
     scene = Scene(sheet, [attach(sheet, "hand", "top")], strain_limit=True)
     warp, weft = most_strained(scene, solver)

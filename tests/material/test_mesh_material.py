@@ -280,6 +280,7 @@ def test_all_solvers_find_where_the_energy_is_least(solver: Solver, steps: int, 
     [SymplecticEuler(), XPBD(), XPBD(iterations=2), BackwardEuler(), TRBDF2()],
     ids=["euler", "xpbd", "xpbd, sweeps", "backward Euler", "TR-BDF2"],
 )
+@pytest.mark.few("euler", "xpbd, sweeps", "TR-BDF2")
 def test_a_membrane_has_the_same_bits_on_any_number_of_threads(solver: Solver):
     fabric = Fabric(density=0.1, stretch=(300.0, 100.0), shear=5.0, bend=(1e-5, 4e-5), bend_damping_time=1e-2)
     flat, triangles = meshed("random", 18, 12)

@@ -235,6 +235,9 @@ FLAT = np.array([[x, y, 0.0] for x in np.linspace(0.0, 1.0, 9) for y in np.linsp
     [LINE, FLAT, LINE[[0, 19]], np.repeat(FLAT, 3, axis=0), np.repeat(LINE[[0, 19]], [40, 1], axis=0)],
     ids=["on a line", "in a plane", "two", "thrice the same", "all but one in a place"],
 )
+@pytest.mark.few(
+    "in a plane-capsule", "on a line-tapered capsule", "two-capsule", "all but one in a place-tapered capsule"
+)
 def test_degenerate_points_get_a_valid_solid(fit, points: FloatArray):
     for quantile in (0.9, 1.0):
         solid = fit(points, quantile=quantile)

@@ -189,6 +189,7 @@ CLOSER = 0.25
 
 
 @pytest.mark.parametrize("name", ["g1", "human"])
+@pytest.mark.few("g1")
 def test_arms_stay_out_of_the_rest_and_hands_near_the_source(name: str):
     body, clip = robot(name), motions.load("spin").resample(30).trim(0.0, 3.5)
     depths = []

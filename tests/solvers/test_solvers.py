@@ -149,6 +149,7 @@ def test_the_same_bits_in_every_process():
 
 
 @by_default
+@pytest.mark.few("xpbd", "tr_bdf2")
 def test_simulations_run_in_several_python_threads_at_once(name: str):
     expected = digest_alone(name, "grid")
     seen: list[str] = []
