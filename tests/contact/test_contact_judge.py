@@ -212,6 +212,7 @@ def test_all_arrangements_run_on_one_compiled_code():
     assert len(needed) == 1
 
 
+@pytest.mark.extra
 def test_the_judge_finds_fault_with_a_cloth_that_ignores_what_comes(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(Simulation, "step", lambda *_: None)
     found = [run(arrangement(number)) for number in SOME[::2]]

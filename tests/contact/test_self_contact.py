@@ -184,6 +184,7 @@ def on_the_ground(cloth: Cloth) -> Scene:
 
 
 @pytest.mark.parametrize("name", ["euler", "xpbd", "backward_euler"])
+@pytest.mark.few("euler", "backward_euler")
 def test_a_folded_sheet_comes_to_rest(name: str):
     """Apart from TR-BDF2, which damps nothing: there it trembles, at some millimetres a second."""
     cloth = folded(21)

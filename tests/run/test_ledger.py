@@ -91,6 +91,7 @@ def test_in_free_fall_height_becomes_motion(solver: Solver):
 
 
 @every_solver
+@pytest.mark.few("euler", "tr_bdf2")
 def test_what_holds_a_sheet_lifts_its_weight(solver: Solver):
     fabric = dataclasses.replace(SOFT, stretch=500.0, shear=100.0, damping_time=2e-3)
     cloth = grid_cloth(np.linspace(0, 0.3, 7), np.linspace(0, 0.2, 5), fabric)

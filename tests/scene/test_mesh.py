@@ -293,6 +293,20 @@ MESHES = {
 
 @pytest.mark.parametrize("degrees", np.arange(8) * 22.5)
 @pytest.mark.parametrize("cloth", MESHES.values(), ids=MESHES.keys())
+@pytest.mark.few(
+    "equilateral-0.0",
+    "equilateral-22.5",
+    "equilateral-112.5",
+    "irregular, turned-0.0",
+    "irregular, turned-22.5",
+    "irregular, turned-112.5",
+    "split at random-0.0",
+    "split at random-22.5",
+    "split at random-112.5",
+    "split one way-0.0",
+    "split one way-22.5",
+    "split one way-112.5",
+)
 def test_a_cylinder_stores_the_fabric_s_energy_whatever_the_mesh_and_its_direction(cloth: MeshCloth, degrees: float):
     angle, radius = np.radians(degrees), 20.0
     energy = bend_energy(mesh_springs(cloth), rolled(cloth.pattern, angle, radius))
@@ -364,6 +378,7 @@ def scattered(seed: int, cells: int) -> tuple[np.ndarray, np.ndarray]:
     return places, triangles[np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) > 1e-9]
 
 
+@pytest.mark.extra
 def test_how_fast_slopes_forget_distant_vertices_hardly_matters(monkeypatch: pytest.MonkeyPatch):
     """Plates whose border is held on sin (W u + a) sin (F v + b), under the load that has them bend to it within.
 

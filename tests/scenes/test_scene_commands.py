@@ -40,6 +40,7 @@ LEFT = ("sheet", "sphere", "look", "cape")  # which go the way of others, and ar
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.extra] if n in LEFT else []) for n in SCENES])
+@pytest.mark.few("moved", "torn")
 def test_a_scene_by_name_runs_and_draws_what_it_shows(name, forks, tmp_path):
     facts = replayed(forks, tmp_path, "--scene", name, *SHORT)
     assert facts["output"] == f"{name}.rrd"

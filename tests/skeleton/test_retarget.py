@@ -114,6 +114,7 @@ def wanted(clip: Clip, body: Skeleton, ankle: float) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("name", ["g1", "talos", "human"])
+@pytest.mark.few("g1")
 def test_hands_and_feet_come_near_the_scaled_source_on_the_walk(name: str):
     body, result = robot(name), walked(name)
     roles = [f"{side}_{limb}" for side in SIDES for limb in ("hand", "foot")]

@@ -82,6 +82,7 @@ def step_error(name: str) -> float:
 
 @pytest.mark.parametrize("fps", [30, 60, 120, 240])
 @pytest.mark.parametrize("name", EVERY)
+@pytest.mark.few("default-30", "euler-120", "xpbd-240")
 def test_a_motion_told_in_other_frames_moves_the_cloth_in_the_same_way(name: str, fps: int):
     take, finest = swung(name, fps), swung(name, FINEST)
     assert take.result == finest.result == "finished"

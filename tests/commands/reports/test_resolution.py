@@ -134,6 +134,7 @@ def found() -> list[Measured]:
     return [measure("euler", spacing) for spacing in (0.06, 0.03, 0.015)]
 
 
+@pytest.mark.extra
 def test_a_sheet_swings_as_a_chain_whose_threads_stretch(found: list[Measured]):
     rows = rows_of(found, found[-1])
     assert [row.result for row in rows] == ["finished"] * 3
