@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth
 from cape.measure.self_crossings import self_crossings
-from cape.outfits.combined import Outfit, Part, combined
+from cape.outfits.combined import Outfit, Part, as_mesh, combined
 from cape.run.simulation import Simulation
 from cape.run.whereabouts import Diverged
 from cape.scene.colliders import Box
@@ -36,6 +36,8 @@ FloatArray = NDArray[np.float64]
 
 ROOM = 0.008  # m from a garment to the one below it as it is put on: more than layers are kept apart
 MOST = 5  # garments
+STAGES = 12  # in which boxes widen
+STAGE, LAST = 0.1, 0.5  # s that a cloth is given to settle in each, and in the last
 BAND = 0.06  # m that a box around a garment is high; where what is outside of it is held there is none
 
 
@@ -73,11 +75,10 @@ def dress_in(body: "Skeleton", track: BoneTrack, garments: Sequence[str], **opti
     for level, scene in enumerate(scenes):
         held = _heights_held(scene, track)
         around = [box for box in below if not np.any(np.abs(held - box.center[2]) < BAND)]
-        dressed = replace(scene, thickness=thickness, colliders=(*scene.colliders, *around))
         try:
-            places = _come_to_rest(dressed, track)
+            places = _come_to_rest(replace(scene, thickness=thickness), around, track)
         except Diverged as error:
-            raise _cannot(names[level], names[:level], str(error)) from error
+            raise _cannot(names[level], names[:level], "it is too narrow") from error
         resting.append(places)
         below += _stand_in(names[level], scene.cloth, places)
     outfit = combined(names, [scene.cloth for scene in scenes], resting)
@@ -114,10 +115,33 @@ def _heights_held(scene: Scene, track: BoneTrack) -> FloatArray:
     return np.concatenate(heights)
 
 
-def _come_to_rest(scene: Scene, track: BoneTrack) -> FloatArray:
-    """Where the vertices hang at the first frame [m], shape (V, 3)."""
+def _come_to_rest(scene: Scene, around: Sequence[Box], track: BoneTrack) -> FloatArray:
+    """Where the vertices hang at the first frame around boxes [m], shape (V, 3).
+
+    What lies so deep in boxes as it is laid out that it is flung out by them is put on without, and let out by boxes
+    that are wider each time.
+
+    Raises:
+        Diverged: it can't be let out so far.
+    """
+    try:
+        return _settled(replace(scene, colliders=(*scene.colliders, *around)), track, None)
+    except Diverged:
+        if not around:
+            raise
+    places = _settled(scene, track, None)
+    for share in np.linspace(0.0, 1.0, STAGES + 1)[1:]:
+        narrower = [replace(box, half_sizes=box.half_sizes * [share, share, 1.0]) for box in around]
+        worn = replace(as_mesh(scene.cloth), positions=places, frame="world", neckline=None)
+        held = replace(scene, cloth=worn, dressing=None, colliders=(*scene.colliders, *narrower))
+        places = _settled(held, track, STAGE if share < 1.0 else LAST)
+    return places
+
+
+def _settled(scene: Scene, track: BoneTrack, settle: float | None) -> FloatArray:
+    """Where the vertices are once they have settled for so long [s] at the first frame [m], shape (V, 3)."""
     simulation = Simulation(scene)
-    simulation.start(poses_of(track.first(1), simulation.bones)[0])
+    simulation.start(poses_of(track.first(1), simulation.bones)[0], settle=settle)
     return np.array(simulation.positions, dtype=float)
 
 

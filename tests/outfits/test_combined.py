@@ -164,6 +164,19 @@ def test_cloths_that_cross_at_the_start_are_refused(walker, monkeypatch):
 
 
 @pytest.mark.extra
+def test_three_garments_are_worn_over_each_other(walker):
+    # Around a skirt a tabard starts so deep in what keeps it off that it has to be let out.
+    scene = cape.dress(*walker, garments=["shoulder_cape", "tabard", "skirt"], spacing=0.04)
+    assert isinstance(scene.cloth, Outfit)
+    assert [part.name for part in scene.cloth.parts] == ["skirt", "tabard", "shoulder_cape"]
+    assert len(self_crossings(scene.cloth.positions, scene.cloth.triangles)) == 0
+    take = cape.simulate(scene, walker[1])
+    assert take.result == "finished"
+    assert take.penetration.max() < 0.001
+    assert len(self_crossings(take.positions[-1], scene.cloth.triangles)) == 0
+
+
+@pytest.mark.extra
 def test_the_command_puts_garments_on_over_each_other(forks, tmp_path):
     done = forks(
         "replay", "walk", "--garment", "back_cape", "--garment", "skirt", "--spacing", "0.1", "--end", "0.1", "--json",
