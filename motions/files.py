@@ -92,15 +92,24 @@ def begin_file(path: Path) -> Path:
         OSError: it can't be made.
     """
     path = path.resolve()
-    host = re.sub(r"\W", "_", platform.node())
-    for left in path.parent.glob(f".{host}-*-*.part*"):
+    remove_left(path.parent)
+    partial = path.with_name(f".{_host()}-{os.getpid()}-{secrets.token_hex(16)}.part{path.suffix}")
+    partial.touch(exist_ok=False)
+    return partial
+
+
+def remove_left(folder: Path) -> None:
+    """Remove what processes of this machine that are gone have begun to write in a folder."""
+    host = _host()
+    for left in folder.glob(f".{host}-*-*.part*"):
         found = re.fullmatch(rf"\.{host}-(\d+)-[0-9a-f]{{32}}\.part(\.\w+)?", left.name)
         if found and not _is_running(int(found[1])):
             with suppress(OSError):
                 left.unlink()
-    partial = path.with_name(f".{host}-{os.getpid()}-{secrets.token_hex(16)}.part{path.suffix}")
-    partial.touch(exist_ok=False)
-    return partial
+
+
+def _host() -> str:
+    return re.sub(r"\W", "_", platform.node())
 
 
 def _is_running(process: int) -> bool:

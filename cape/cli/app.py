@@ -81,6 +81,65 @@ def replay(
 
 
 @app.command()
+@gathered(reading=motion, cape=cut, leave_out=("clip", "script"))
+def batch(
+    context: typer.Context,
+    reading: "Reading",
+    cape: "Cut",
+    clips: Annotated[
+        list[str], typer.Argument(help="BVH files, folders of them, and clips as of cape replay.", show_default=False)
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="A folder for all; made if needed.")],
+    sweep: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=A,B", help="Run all clips with each value of this option; several are combined."),
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Runs at a time; by default one a core.")] = None,
+    format: Annotated[
+        str, typer.Option(help="What a run writes, as the suffix of cape replay -o: rrd, npz, usd, glb, ...")
+    ] = "rrd",
+    pictures: Annotated[bool, typer.Option(help="Draw a picture of each recording.")] = True,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Have the workers of this dask scheduler (tcp:// or tls://HOST:PORT) do the runs. It must be trusted.",
+        ),
+    ] = None,
+    tls_ca: Annotated[Path | None, typer.Option(help="Certificates that the cluster's are signed by (PEM).")] = None,
+    tls_cert: Annotated[Path | None, typer.Option(help="Your certificate for the cluster (PEM).")] = None,
+    tls_key: Annotated[Path | None, typer.Option(help="The private key of your certificate (PEM).")] = None,
+    scene: Scene = None,
+    hitboxes: Hitboxes = None,
+    layers: Layers = None,
+    check: Annotated[bool, typer.Option("--check", help="As of cape replay.")] = False,
+    tab: Tab = "cape",
+    json: Json = False,
+) -> int:
+    """Run cape replay on many clips, a process each, with a table and a page of results.
+
+    Other options are those of cape replay. What stands complete in the folder, of the same clip and options, is not
+    run again. The exit status is 1 where a run failed.
+    """
+    from cape.cli.batch.cluster import Cluster
+    from cape.cli.batch.command import Asked, run
+    from cape.cli.batch.passing import handed_on, replay_keys
+    from cape.cli.scenes.option import given
+
+    asked = Asked(
+        output=output,
+        arguments=handed_on(context),
+        given=tuple(given(context, replay_keys())),
+        sweep=tuple(sweep or ()),
+        format=format,
+        jobs=jobs,
+        cluster=None if cluster is None else Cluster(cluster, tls_ca, tls_cert, tls_key),
+        drawn=pictures,
+    )
+    return run(clips, asked, json=json)
+
+
+@app.command()
 def export(
     take: Annotated[Path, typer.Argument(help="A take that cape replay -o TAKE.npz has kept.")],
     output: Annotated[

@@ -19,6 +19,7 @@ USES = {
     "export": "exports of takes as USD and GLB",
     "film": "films of cape render as MP4",
     "retarget": "robots that follow a clip",
+    "cluster": "cape batch on other machines",
 }
 
 

@@ -63,7 +63,7 @@ Made by <code>{escape(command)}</code>.</p>
 
 
 def _section(name: str, costume: Costume, title: str, pictures: Sequence[Shown]) -> str:
-    figures = "\n".join(map(_figure, pictures))
+    figures = "\n".join(map(figure, pictures))
     return f"""<section id="{escape(name)}">
 <h2>{escape(costume.title)}</h2>
 <p>{escape(title)}</p>
@@ -73,7 +73,8 @@ def _section(name: str, costume: Costume, title: str, pictures: Sequence[Shown])
 </section>"""
 
 
-def _figure(shown: Shown) -> str:
+def figure(shown: Shown) -> str:
+    """A picture, which opens itself, and its caption."""
     picture = ""
     if shown.file is not None:
         width, height = shown.size

@@ -1,0 +1,1 @@
+"""`cape batch`: many clips, a process each, on this machine or on those of a cluster."""
