@@ -11,7 +11,7 @@ from pathlib import Path
 from motions.errors import FileError, UserError
 
 FOLDER_OF = (".bvh",)  # what is taken of a folder
-LONGEST_NAME = 150  # characters: file systems take 255 bytes
+LONGEST_NAME = 150  # bytes: file systems take 255
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def clips_of(asked: Iterable[str]) -> list[str]:
     """
     found: list[str] = []
     for clip in asked:
-        if not Path(clip).is_dir():
+        if not os.path.isdir(clip):
             found.append(clip)
             continue
         inside = sorted(path for path in Path(clip).rglob("*") if path.suffix.lower() in FOLDER_OF and path.is_file())
@@ -104,7 +104,7 @@ def _values(chosen: Mapping[str, str]) -> list[str]:
 
 
 def _free(name: str, taken: set[str]) -> str:
-    name, number = name[:LONGEST_NAME], 1
+    name, number = name.encode()[:LONGEST_NAME].decode(errors="ignore"), 1
     free = name
     while free.casefold() in taken:
         number += 1
@@ -119,7 +119,7 @@ def _parts(clip: str) -> tuple[str, ...]:
 
 
 def _absolute(clip: str) -> str | None:
-    return os.path.abspath(clip) if Path(clip).exists() else None
+    return os.path.abspath(clip) if os.path.exists(clip) else None
 
 
 def _plain(text: str) -> str:
