@@ -269,6 +269,18 @@ def doctor(json: Json = False) -> int:
     return run(json=json)
 
 
+@app.command()
+def addon(
+    output: Annotated[Path, typer.Option("-o", "--output", help="The file to install in Blender.")] = Path(
+        "cape_blender.py"
+    ),
+) -> int:
+    """Write the add-on for Blender, which hangs a cape on the selected armature by calling this command."""
+    from cape.addon.install import run
+
+    return run(output)
+
+
 @app.command("warm-up")
 def warm_up(
     everything: Annotated[

@@ -1,0 +1,1 @@
+"""The add-on for Blender, a file that stands alone, and how it is handed out."""

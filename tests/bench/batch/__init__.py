@@ -1,0 +1,1 @@
+"""What `cape batch` costs beyond the runs that it makes."""
