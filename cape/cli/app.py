@@ -5,7 +5,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cape.cli.options import Hitboxes, Json, Layers, Output, Result, Robot, Scene, Spawn, Tab, cut, gathered, motion
+from cape.cli.options import (
+    Crossings,
+    Hitboxes,
+    Json,
+    Layers,
+    Output,
+    Result,
+    Robot,
+    Scene,
+    Spawn,
+    Tab,
+    cut,
+    gathered,
+    motion,
+)
 from cape.cli.scenes.commands import scene_files
 
 if TYPE_CHECKING:
@@ -57,6 +71,7 @@ def replay(
             help="Measure the error of the time step, and apart from the solver how deep vertices and faces are.",
         ),
     ] = False,
+    crossings: Crossings = None,
     tab: Tab = "cape",
     spawn: Spawn = False,
     json: Json = False,
@@ -75,6 +90,7 @@ def replay(
             hitboxes=hitboxes,
             layers=_split(layers),
             check=check,
+            crossings=check or json if crossings is None else crossings,
             spawn=spawn,
             json=json,
         )
@@ -113,6 +129,7 @@ def batch(
     hitboxes: Hitboxes = None,
     layers: Layers = None,
     check: Annotated[bool, typer.Option("--check", help="As of cape replay.")] = False,
+    crossings: Crossings = None,
     tab: Tab = "cape",
     json: Json = False,
 ) -> int:
@@ -145,12 +162,19 @@ def export(
     output: Annotated[
         Path, typer.Option("-o", "--output", help="What to write: .usd, .usda, .usdc, .glb, .obj, .pc2, .mdd or .ply.")
     ],
+    joints: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Bake a .glb to joints in chains with skin weights, for game engines; tells how far off it is.",
+        ),
+    ] = None,
     json: Json = False,
 ) -> int:
     """Write a kept take for other programs, in the format that the output's suffix names."""
     from cape.cli.exports.command import run
 
-    return run(take, output, json=json)
+    return run(take, output, joints=joints, json=json)
 
 
 @app.command()

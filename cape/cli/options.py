@@ -71,6 +71,13 @@ Layers = Annotated[
 ]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Tell all that there is to tell, however long it is.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
+Crossings = Annotated[
+    bool | None,
+    typer.Option(
+        "--crossings/--no-crossings",
+        help="Look at some frames whether layers pass through each other; by default with --check or --json.",
+    ),
+]
 Spawn = Annotated[bool, typer.Option("--spawn", help="Open the recording in the Rerun viewer.")]
 Tab = Annotated[
     str,

@@ -13,13 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cape.cloth.normals import vertex_normals
+from cape.exports.gltf_parts import Buffer, save, with_material
 from cape.exports.moving_mesh import MovingMesh, y_up
-from cape.version import VERSION
 from motions.errors import ValueRangeError
-from motions.files import whole_file
 
 LARGEST = 2**32 - 2**24  # bytes: a GLB tells its length in 32 bits
 
@@ -34,17 +32,15 @@ def write(mesh: MovingMesh, path: Path) -> tuple[Path]:
     frames, vertices = mesh.positions.shape[:2]
     if (size := frames * (24 * vertices + 4 * frames)) > LARGEST:
         raise ValueRangeError(f"{frames} frames are too many for a GLB: it would have {size / 2**30:.1f} GB, not 4")
-    with whole_file(path) as partial, partial.open("wb") as file:
-        for part in _gltf(mesh).save_to_bytes():
-            file.write(part)
+    buffer = Buffer()
+    save(_gltf(mesh, buffer), buffer, path)
     return (path,)
 
 
-def _gltf(mesh: MovingMesh) -> Any:
+def _gltf(mesh: MovingMesh, buffer: Buffer) -> Any:
     import pygltflib as g
 
-    gltf, buffer = g.GLTF2(asset=g.Asset(generator=f"cape {VERSION}")), _Buffer()
-    frames = len(mesh.times)
+    gltf, frames = with_material(mesh, buffer), len(mesh.times)
     places = y_up(mesh.positions)
     normals = y_up(vertex_normals(mesh.positions, mesh.triangles))
     attributes = g.Attributes(
@@ -60,14 +56,6 @@ def _gltf(mesh: MovingMesh) -> Any:
     ]
     gltf.meshes = [g.Mesh(name="cape", primitives=[primitive], weights=[0.0] * (frames - 1) or None)]
     gltf.nodes, gltf.scenes, gltf.scene = [g.Node(name="cape", mesh=0)], [g.Scene(name=mesh.name, nodes=[0])], 0
-    surface = g.PbrMetallicRoughness(
-        baseColorTexture=g.TextureInfo(index=0), metallicFactor=0.0, roughnessFactor=mesh.look.rough
-    )
-    gltf.materials = [g.Material(name="cape", pbrMetallicRoughness=surface, doubleSided=True)]
-    gltf.images = [g.Image(bufferView=buffer.view(mesh.texture_png()), mimeType="image/png")]
-    gltf.samplers = [g.Sampler(magFilter=g.LINEAR, minFilter=g.LINEAR_MIPMAP_LINEAR, wrapS=g.CLAMP_TO_EDGE,
-                               wrapT=g.CLAMP_TO_EDGE)]  # fmt: skip
-    gltf.textures = [g.Texture(sampler=0, source=0)]
     if frames > 1:
         weights = np.eye(frames, frames - 1, k=-1, dtype=np.float32).ravel()
         sampler = g.AnimationSampler(
@@ -75,40 +63,4 @@ def _gltf(mesh: MovingMesh) -> Any:
         )
         channel = g.AnimationChannel(sampler=0, target=g.AnimationChannelTarget(node=0, path="weights"))
         gltf.animations = [g.Animation(name=mesh.name, samplers=[sampler], channels=[channel])]
-    gltf.accessors, gltf.bufferViews = buffer.accessors, buffer.views
-    data = b"".join(buffer.parts)
-    gltf.buffers = [g.Buffer(byteLength=len(data))]
-    gltf.set_binary_blob(data)
     return gltf
-
-
-class _Buffer:
-    """The file's one buffer, as it grows: arrays one after the other, each with a view and an accessor of its own."""
-
-    def __init__(self) -> None:
-        self.parts: list[bytes] = []
-        self.views: list[Any] = []
-        self.accessors: list[Any] = []
-        self._size = 0
-
-    def view(self, data: bytes) -> int:
-        """Add bytes, padded to whole words; gives the index of their view."""
-        import pygltflib as g
-
-        self.views.append(g.BufferView(buffer=0, byteOffset=self._size, byteLength=len(data)))
-        self.parts.append(data + bytes(-len(data) % 4))
-        self._size += len(self.parts[-1])
-        return len(self.views) - 1
-
-    def add(self, array: NDArray[Any], *, bounded: bool = False) -> int:
-        """Add numbers (n,) or vectors (n, k), with their bounds where the format wants them; gives their accessor."""
-        import pygltflib as g
-
-        kind = {np.dtype(np.float32): g.FLOAT, np.dtype(np.uint32): g.UNSIGNED_INT}[array.dtype]
-        form = g.SCALAR if array.ndim == 1 else f"VEC{array.shape[1]}"
-        accessor = g.Accessor(bufferView=self.view(array.tobytes()), componentType=kind, count=len(array), type=form)
-        if bounded:
-            accessor.min = np.atleast_1d(array.min(axis=0)).tolist()
-            accessor.max = np.atleast_1d(array.max(axis=0)).tolist()
-        self.accessors.append(accessor)
-        return len(self.accessors) - 1

@@ -189,12 +189,14 @@ class Take:
 
         return take_file.load(path)
 
-    def export(self, path: str | PathLike[str]) -> tuple[Path, ...]:
+    def export(self, path: str | PathLike[str], *, joints: int | None = None) -> tuple[Path, ...]:
         """Write the cloth in motion for other programs, in the format of the path's suffix; gives all files made.
 
         Args:
             path: the file, with one of the suffixes in `cape.exports.FORMATS`, such as .usd, .glb or .obj; files that
                 are there are replaced.
+            joints: of a GLB, bake the motion to so many joints in chains with skin weights, which game engines play; a
+                warning tells how far they are off. None keeps every vertex where it was.
 
         Raises:
             UnknownNameError: there is no such format; lists them.
@@ -204,4 +206,4 @@ class Take:
         """
         from cape import exports
 
-        return exports.export(self, path)
+        return exports.export(self, path, joints=joints)

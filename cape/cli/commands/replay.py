@@ -205,6 +205,7 @@ def run(
     hitboxes: str | None,
     layers: list[str] | None,
     check: bool,
+    crossings: bool,
     tab: str,
     spawn: bool,
     json: bool,
@@ -225,7 +226,7 @@ def run(
         facts["retarget"] = retarget_facts(who.retargeted)
     if check:
         facts["check"] = checked(take)
-    if check or json:
+    if crossings:
         facts["layers_crossed"] = round(share_crossed(take.positions, take.triangles_at, most=LOOKED_AT), 3)
     if json:
         print(json_format.dumps(facts))

@@ -6,20 +6,20 @@ from pathlib import Path
 
 from cape.cli.figures.rows import print_rows
 from cape.cli.output import output_path
-from cape.exports import format_of
+from cape.exports import format_of, require_format
 from cape.results.take import Take
 
 MOST_TOLD = 5  # files of an export, each on a line; of more, the first and the last
 
 
-def run(path: Path, output: Path, *, json: bool) -> int:
+def run(path: Path, output: Path, *, joints: int | None, json: bool) -> int:
     """Read, write and tell; gives the exit status."""
-    format_of(output)
+    require_format(output, joints=joints)
     output_path(output, "", inputs=(path,))
     take = Take.load(path)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        files = take.export(output)
+        files = take.export(output, joints=joints)
     fps = round(take.bones.fps, 3) if take.bones.frames > 1 else 0.0
     facts = {
         "take": take.name,

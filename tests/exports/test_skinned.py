@@ -1,0 +1,127 @@
+"""Takes baked to joints, read back by a reader that knows nothing of how they were written."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cape.exports.moving_mesh import moving_mesh
+from cape.exports.skinned import glb
+from cape.exports.skinned.fit import fit
+from cape.exports.skinned.joints import Joints, spread
+from motions import quaternions
+from motions.errors import UserError
+from tests.exports.a_take import FPS, FRAMES, make_take
+from tests.exports.skinned_reader import read
+from tests.support.command import cape
+
+WITHIN = 1e-5  # m
+TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # Z up to Y up
+
+
+def waving():
+    """A take whose cloth waves, as far as few joints can follow."""
+    take = make_take()
+    rest, times = take.positions[0].astype(float), np.arange(FRAMES)[:, None] / FRAMES
+    positions = np.repeat(rest[None], FRAMES, axis=0)
+    positions[..., 2] += 0.1 * np.sin(4.0 * rest[:, 0] + 6.0 * times)
+    positions[..., 1] += 0.3 * times
+    return replace(take, positions=positions.astype(np.float32))
+
+
+def test_a_file_shows_the_vertices_where_the_fit_has_them(tmp_path: Path):
+    take = waving()
+    mesh = moving_mesh(take)
+    skin = glb.write(mesh, tmp_path / "a.glb", joints=6, held=take.held)
+    shown = read(tmp_path / "a.glb")
+    np.testing.assert_allclose(shown.times, np.arange(FRAMES) / FPS, atol=1e-7)
+    assert np.abs(shown.vertices - skin.positions() @ TURN.T).max() < WITHIN
+    np.testing.assert_allclose(shown.weights.sum(axis=1), 1.0, atol=1e-6)
+    assert shown.weights.min() >= 0.0
+    assert shown.parents.count(None) == 1
+    assert all(parent is None or parent < joint for joint, parent in enumerate(shown.parents))
+    off = np.linalg.norm(skin.positions() - mesh.positions, axis=2)
+    moved = np.linalg.norm(mesh.positions - mesh.positions[0], axis=2)
+    assert off.max() < 0.05 * moved.max()
+
+
+def test_a_rigid_motion_needs_one_joint():
+    """The fit is then the absolute orientation of all vertices, which is exact."""
+    rng = np.random.default_rng(3)
+    rest, count = rng.normal(size=(20, 3)), 5
+    turns = quaternions.to_matrix(quaternions.from_rotation_vector(rng.normal(size=(count, 3))))
+    turns[0] = np.eye(3)
+    positions = rest @ turns.transpose(0, 2, 1) + np.arange(count)[:, None, None] * [1.0, 2.0, 3.0]
+    skin = fit(positions, Joints(np.array([7]), np.array([-1]), np.ones((1, 20))))
+    assert np.abs(skin.positions() - positions).max() < 1e-12
+    assert np.abs(skin.rotations[:, 0] - turns).max() < 1e-12
+
+
+def test_two_rigid_halves_are_told_apart():
+    """Vertices of one half follow its joint alone, as if the weights had been known."""
+    rng = np.random.default_rng(4)
+    rest, count = rng.normal(size=(40, 3)), 6
+    half = np.arange(40) % 2
+    turns = quaternions.to_matrix(quaternions.from_rotation_vector(rng.normal(size=(count, 2, 3))))
+    turns[0] = np.eye(3)
+    positions = np.einsum("fvij,vj->fvi", turns[:, half], rest) + np.arange(count)[:, None, None] * 0.1
+    near = np.where(half == np.arange(2)[:, None], 1.0, 1.5)
+    skin = fit(positions, Joints(np.array([0, 1]), np.array([-1, 0]), near))
+    moved = np.abs(positions - rest).max()
+    assert np.abs(skin.positions() - positions).max() < 0.02 * moved
+    own = np.take_along_axis(skin.influences, skin.weights.argmax(axis=1)[:, None], axis=1)[:, 0]
+    assert np.array_equal(own, half)
+
+
+def test_chains_go_from_where_a_cloth_is_held_to_its_hem():
+    x, y = np.meshgrid(np.arange(5.0), np.arange(9.0))
+    places = np.stack([x.ravel(), 0.0 * x.ravel(), -y.ravel()], axis=1)
+    corner = np.arange(45).reshape(9, 5)[:-1, :-1].ravel()
+    triangles = np.concatenate(
+        [np.stack([corner, corner + 1, corner + 5], 1), np.stack([corner + 1, corner + 6, corner + 5], 1)]
+    )
+    found = spread(places, triangles.astype(np.int32), np.arange(5), 12)
+    assert len(set(found.vertices.tolist())) == 12
+    assert 2 in found.vertices  # the middle of the held edge
+    assert found.parents[0] == -1
+    depth = y.ravel()[found.vertices]
+    assert (np.diff(depth) >= 0.0).all()
+    assert (depth[found.parents[1:]] <= depth[1:]).all()
+    # No vertex is farther from a joint than twice the radius of as many discs that cover the sheet.
+    assert found.distances.min(axis=0).max() < 2.5
+
+
+def test_a_piece_of_its_own_has_a_chain_of_its_own():
+    places = np.array([[0, 0, 1], [1, 0, 1], [0, 0, 0], [9, 0, 1], [9.5, 0, 1], [9, 0, 0.5]], float)
+    found = spread(places, np.array([[0, 1, 2], [3, 4, 5]], np.int32), np.array([0]), 4)
+    assert np.isinf(found.distances).any()
+    assert np.count_nonzero(found.parents < 0) == 2
+    assert {int(v) // 3 for v in found.vertices[found.parents < 0]} == {0, 1}
+
+
+def test_by_command_it_is_told_how_far_off_it_is(tmp_path: Path):
+    waving().keep(tmp_path / "a.npz")
+    done = cape("export", "a.npz", "-o", "a.glb", "--joints", "5", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "5 joints put the cloth" in " ".join(done.stdout.split())
+    assert read(tmp_path / "a.glb").vertices.shape == (FRAMES, 30, 3)
+    for arguments, told in {
+        ("a.obj", "--joints", "5"): "joints are for binary glTF",
+        ("b.glb", "--joints", "31"): "1 to 30 joints, not 31",
+        ("b.glb", "--joints", "0"): "--joints",
+    }.items():
+        done = cape("export", "a.npz", "-o", *arguments, folder=tmp_path)
+        assert (done.returncode, told in done.stderr) == (2, True), done.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.glb", "a.npz"]
+
+
+def test_the_least_of_cloths(tmp_path: Path):
+    """A single frame, a single joint, and fewer joints than a vertex may follow."""
+    take = make_take(1)
+    for joints in (1, 2, 3):
+        with pytest.warns(UserWarning, match="0.0 mm"):
+            take.export(tmp_path / "a.glb", joints=joints)
+        assert np.abs(read(tmp_path / "a.glb").vertices - take.positions @ TURN.T).max() < WITHIN
+    with pytest.raises(UserError, match="joints are for binary glTF"):
+        take.export(tmp_path / "a.usd", joints=3)
