@@ -1,5 +1,9 @@
 """A reader of skinned GLB files on its own: what a viewer does, after the glTF specification (3.7.3)."""
 
+# pygltflib states that everything may be left out.
+# pyright: reportOptionalMemberAccess=false, reportOptionalIterable=false, reportOperatorIssue=false
+# pyright: reportArgumentType=false, reportCallIssue=false, reportOptionalSubscript=false
+
 from pathlib import Path
 from typing import NamedTuple
 

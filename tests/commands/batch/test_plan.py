@@ -126,7 +126,7 @@ def test_what_stands_is_of_the_same_options_inputs_and_version_and_all_there(tmp
     assert complete(own) is None
     done = do(own, lambda: False)
     assert complete(own) == replace(done, attempts=0)
-    assert complete(own).facts == FACTS
+    assert done.facts == FACTS
     for other in (
         replace(own, arguments=()),
         replace(own, inputs={"a": "c"}),
