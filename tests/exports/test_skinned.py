@@ -85,6 +85,12 @@ def test_chains_go_from_where_a_cloth_is_held_to_its_hem():
     assert len(set(found.vertices.tolist())) == 12
     assert 2 in found.vertices  # the middle of the held edge
     assert found.parents[0] == -1
+    nearest = [found.distances[:k, found.vertices[k]].min() for k in range(1, 12)]
+    assert found.distances[found.parents[1:], found.vertices[1:]].tolist() == nearest
+    levels = [0]
+    for parent in found.parents[1:]:
+        levels.append(levels[parent] + 1)
+    assert max(levels) >= 3
     depth = y.ravel()[found.vertices]
     assert (np.diff(depth) >= 0.0).all()
     assert (depth[found.parents[1:]] <= depth[1:]).all()
