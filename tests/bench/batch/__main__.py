@@ -26,10 +26,14 @@ JOBS = 2
 def timed(*commands: str, folder: Path) -> tuple[float, float]:
     """Wall and CPU time of shell commands that run side by side [s]."""
     before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    # Linux may share out its cores by sessions, of which a batch has one for each run.
     running = [
-        subprocess.Popen(["/bin/sh", "-ec", command], cwd=folder, start_new_session=True, **silent)
+        subprocess.Popen(
+            ["/bin/sh", "-ec", command],
+            cwd=folder,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Linux may share out its cores by sessions, of which a batch has one for each run
+        )
         for command in commands
     ]
     assert [process.wait() for process in running] == [0] * len(running)
