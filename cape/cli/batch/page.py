@@ -8,10 +8,12 @@ from urllib.parse import quote
 from cape.pictures.gallery.page import STYLE, Shown, figure
 
 PICTURE_SIZE = (720, 480)  # [pixels], both sides
+NUMBERS = ("frames", "vertices", "time", "times real time", "stretch", "inside")
 OF_TABLES = """
 table { border-collapse: collapse; font-size: .9em } th { text-align: left }
 th, td { padding: .25em .9em .25em 0; border-bottom: 1px solid #d8cfc2; overflow-wrap: anywhere; vertical-align: top }
-td.n { text-align: right; white-space: nowrap } tr.failed, tr.stopped { color: #8c1730 } a { color: inherit }
+.n { text-align: right; white-space: nowrap }
+tr.failed, tr.stopped { color: #8c1730 } a { color: inherit } section { margin-top: 1.5em }
 """
 
 
@@ -19,7 +21,8 @@ def html(figures: Mapping[str, Any]) -> str:
     """The page of what stands in a batch's file of figures."""
     runs = figures["runs"]
     swept = list(dict.fromkeys(name for run in runs for name in run["swept"]))
-    heads = ["clip", *swept, "result", "frames", "vertices", "time", "times real time", "stretch", "inside"]
+    heads = "".join(f"<th>{escape(head)}</th>" for head in ("clip", *swept, "result"))
+    heads += "".join(f'<th class="n">{head}</th>' for head in NUMBERS)
     rows = "\n".join(_row(run, swept) for run in runs)
     pictures = "\n".join(_figure(run) for run in runs if run["picture"])
     notes = "".join(f"<p>{escape(note)}</p>\n" for note in figures["notes"])
@@ -31,9 +34,10 @@ def html(figures: Mapping[str, Any]) -> str:
 <title>{len(runs)} runs</title>
 <style>{STYLE}{OF_TABLES}</style>
 <h1>{count}</h1>
-<p>Made by <code>{escape(figures["command"])}</code> in {figures["wall_s"]:.0f} s.</p>
+<p>Made by <code>{escape(figures["command"])}</code> in {figures["wall_s"]:.0f} s;
+<a href="results.json">all figures</a>.</p>
 {notes}<table>
-<thead><tr>{"".join(f"<th>{escape(head)}</th>" for head in heads)}</tr></thead>
+<thead><tr>{heads}</tr></thead>
 <tbody>
 {rows}
 </tbody>
@@ -50,7 +54,7 @@ def _row(run: Mapping[str, Any], swept: list[str]) -> str:
     name = _link(run["output"], run["clip"]) if run["status"] == "done" else escape(run["clip"])
     result = facts["result"] if run["status"] == "done" else f"{run['status']}: {run['error']}"
     texts = [name, *(escape(run["swept"][option]) for option in swept), _link(run["log"], result)]
-    numbers = [""] * 6
+    numbers = [""] * len(NUMBERS)
     if facts:
         factor = facts["realtime_factor"]
         numbers = [
