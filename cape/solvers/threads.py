@@ -29,6 +29,7 @@ Work = Callable[[int], None]
 CONTROL_GROUPS = Path("/sys/fs/cgroup")
 OWN_GROUPS = Path("/proc/self/cgroup")
 VERTICES_OF_A_THREAD = 1500  # at least
+GRANTED = "OMP_NUM_THREADS"  # where clusters and batches tell how many threads a process may have
 THREADED_VERTICES = 3000  # from which on a second thread gives half as much speed again
 
 
@@ -73,8 +74,12 @@ def require_wanted() -> None:
 
 
 def threads_for(vertices: int) -> int:
-    """How many threads pay off for a cloth, of the cores that there are."""
-    return 1 if vertices < THREADED_VERTICES else min(available_cores(), vertices // VERTICES_OF_A_THREAD)
+    """How many threads pay off for a cloth, of the cores that there are, and of those that `OMP_NUM_THREADS` grants."""
+    if vertices < THREADED_VERTICES:
+        return 1
+    granted = os.environ.get(GRANTED, "").partition(",")[0]  # of several levels, the outermost
+    most = min(available_cores(), vertices // VERTICES_OF_A_THREAD)
+    return min(most, int(granted)) if granted.isdecimal() and int(granted) else most
 
 
 def available_cores() -> int:

@@ -21,7 +21,7 @@ from cape.scene.scene import Scene
 from cape.solvers import Solver
 from cape.solvers import threads as module
 from cape.solvers.running import Thread
-from cape.solvers.threads import available_cores, cpu_quota, require_wanted, run
+from cape.solvers.threads import VERTICES_OF_A_THREAD, available_cores, cpu_quota, require_wanted, run, threads_for
 from tests.support.processes import python
 from tests.support.scenes import DOUBLE, Run, every_solver, grid_cloth
 
@@ -376,3 +376,13 @@ def test_the_tightest_control_group_counts(tmp_path: Path, monkeypatch: pytest.M
     assert cpu_quota(mount, own) == 0.5
     (mount / "cpu/cpu.cfs_quota_us").write_text("25000\n")
     assert cpu_quota(mount, own) == 0.25
+
+
+@pytest.mark.parametrize(
+    ("granted", "threads"), [("1", 1), ("2", 2), ("2,4", 2), ("9", 3), ("", 3), ("0", 3), ("many", 3), ("-1", 3)]
+)
+def test_threads_are_as_many_as_are_granted(granted: str, threads: int, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", granted)
+    monkeypatch.setattr("cape.solvers.threads.available_cores", lambda: 4)
+    assert threads_for(3 * VERTICES_OF_A_THREAD) == threads
+    assert threads_for(VERTICES_OF_A_THREAD) == 1

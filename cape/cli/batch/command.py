@@ -24,7 +24,7 @@ from cape.cli.measuring import require_folder
 from cape.cli.running import ended_in_order
 from cape.cli.words import shortened
 from cape.exports import FORMATS
-from cape.solvers.threads import available_cores
+from cape.solvers.threads import GRANTED, available_cores
 from cape.version import VERSION
 from motions.errors import FileError, UnknownNameError, UserError
 from motions.files import printable, remove_left, require_file
@@ -186,7 +186,11 @@ def _spread(
 ) -> Generator[tuple[Task, Done], None, None]:
     if asked.cluster is not None:
         return cluster_runs.run(work, tasks, asked.cluster, failed=failed)
-    return local.run(work, tasks, asked.jobs or available_cores())
+    cores = available_cores()
+    jobs = asked.jobs or cores
+    # Runs side by side that all had threads on the same cores would wait for each other.
+    os.environ.setdefault(GRANTED, str(max(1, cores // jobs)))
+    return local.run(work, tasks, jobs)
 
 
 def _say(text: str) -> None:
