@@ -64,6 +64,7 @@ PRESSED = 0.1  # of the thickness
 OFF_RAIL = 1e-4  # m that the whole cloth's weight on a single vertex takes that off its curve within a stage
 AT_START = 1e-3  # forcing, for the accelerations with which a frame begins
 ROUNDED = 4.0  # times a coordinate's last digit
+WEAK = 0.05  # of the forcing and of mass/b^2, b of a usual step or a longer one: bending that a matrix does without
 INNER = np.float32  # precision of the linear systems, whose solutions the next Newton step corrects
 Array = NDArray[np.floating]
 
@@ -139,7 +140,9 @@ class ImplicitSolver(Solver):
         """Lay out the matrix and the room for its products."""
         dtype, count = self.dtype(assembly), assembly.cloth.vertices
         arrays = {force: force.arrays(assembly, dtype) for force in forces_of(assembly.scene)}
-        matrix, layout = matrix_of(assembly, arrays[Elastic], INNER)
+        longest = self.stage / (60.0 * min(self.substeps or SUBSTEPS, SUBSTEPS))
+        negligible = WEAK * min(self.forcing, self.forcing_free) / longest**2
+        matrix, layout = matrix_of(assembly, arrays[Elastic], INNER, negligible=negligible)
         chunks, size = -(-count // CHUNK), matrix.mass.size
         ranks, terms = len(assembly.ranks), np.zeros(size, INNER)
         # What touches something is solved for so loosely that levels cost more than they save.
@@ -210,9 +213,19 @@ class ImplicitSolver(Solver):
         return Railing(running.state, arrays.inertia, rails, thread.bones, least, arrays.work.forces, arrays.matrix)
 
     def _problem(
-        self, thread: Thread, linker: Linker, contact: PenaltyContact | None, *, start: bool = False
+        self,
+        thread: Thread,
+        linker: Linker,
+        contact: PenaltyContact | None,
+        *,
+        start: bool = False,
+        later: bool = False,
     ) -> Problem:
-        """The equations of a stage with some contact, or none; or of the accelerations at the `start` of a frame."""
+        """The equations of a stage with some contact, or none; or of the accelerations at the `start` of a frame.
+
+        A `later` stage of a step is preconditioned by what the one before has left, as long as no contact may come in
+        between: to find it anew takes as long as three iterations, and saves none.
+        """
         running = thread.running
         arrays: ImplicitArrays = running.arrays
         residual = forces(thread, list(arrays.forces), arrays.work.forces, arrays.room[thread.rank])
@@ -224,11 +237,14 @@ class ImplicitSolver(Solver):
         pressure = thread.contacts.pressure
         if pressure is not None:
             residual.append(Use(add_pressure, PressedForces(pressure, arrays.inertia.mass, arrays.work.forces)))
-        linearise, product = matrix_units(
+        units = matrix_units(
             thread, arrays.matrix, arrays.layout, arrays.forces[Elastic], arrays.scratch[thread.rank],
-            contact=contact, railing=railing, levels=arrays.levels is not None,
+            contact=contact, railing=railing,
         )  # fmt: skip
         gathering, precondition = multigrid(thread, arrays.levels, linker)
+        linearise = units.linearise
+        if not (later and arrays.levels is not None):
+            linearise = [*linearise, *units.diagonal, *(units.nearest if gathering else []), *gathering]
         system = System(
             state=running.state,
             inertia=arrays.inertia,
@@ -238,8 +254,8 @@ class ImplicitSolver(Solver):
             counts=arrays.counts[thread.rank],
             found=np.zeros(2),
             residual=linker.program(residual),
-            linearise=linker.program([*linearise, *gathering]),
-            product=linker.program(product),
+            linearise=linker.program(linearise),
+            product=linker.program(units.product),
             precondition=linker.program(precondition),
         )
         return Problem(
@@ -334,7 +350,8 @@ class TRBDF2(ImplicitSolver):
     def _step(self, thread: Thread, linker: Linker, contact: PenaltyContact | None) -> list[Use]:
         """A stage of the trapezoidal rule, one of the backward differentiation formula."""
         problem, work = self._problem(thread, linker, contact), thread.running.arrays.work
-        solve, pressure = Use(solve_stage, Stage(problem, self.stage)), thread.contacts.pressure
+        later = self._problem(thread, linker, contact, later=True)
+        pressure = thread.contacts.pressure
         start = self._problem(thread, linker, None, start=True)
         uses = [*self._place(thread, 0.0), Use(find_acceleration, Stage(start, self.stage))]
         balancing = None
@@ -347,10 +364,10 @@ class TRBDF2(ImplicitSolver):
         uses += [
             Use(aim_trapezoid, problem.system),
             *self._place(thread, GAMMA),
-            solve,
+            Use(solve_stage, Stage(problem, self.stage)),
             Use(aim_bdf2, problem.system),
             *self._place(thread, 1.0),
-            solve,
+            Use(solve_stage, Stage(later, self.stage)),
             Use(keep_acceleration, Stage(problem, self.stage)),
         ]
         if balancing is not None:

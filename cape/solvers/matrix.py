@@ -77,8 +77,14 @@ class Layout(NamedTuple):
     diagonal: Array | None = None
 
 
-def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tuple[Matrix, Layout]:
-    """Lay out the matrix of a cloth, and what springs give to it; see `kernels.implicit.stiffness`."""
+def matrix_of(
+    assembly: Assembly, links: Links, dtype: type[np.floating], *, negligible: float = 0.0
+) -> tuple[Matrix, Layout]:
+    """Lay out the matrix of a cloth, and what springs give to it; see `kernels.implicit.stiffness`.
+
+    Bending of a mesh leaves out pairs of vertices whose weight is at most `negligible` [1/s2] of their masses, which is
+    the half of them.
+    """
     springs, cloth = assembly.springs, assembly.cloth
     count = cloth.vertices
     front = 0
@@ -109,10 +115,12 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
         ends = np.zeros(links.springs.forces.shape, dtype)
         layout = Layout(_coefficients(links.springs, dtype), ends=ends)
     if isinstance(links.bends, MeshBends):
+        from cape.assembly.mesh.links import thinned
+
         # Rows are zero in sum.
         row = np.repeat(np.arange(count), np.diff(links.bends.start))
         sums = np.bincount(row, links.bends.weight, count)
-        layout = layout._replace(bends=in_precision(links.bends, dtype), diagonal=padded(sums))
+        layout = layout._replace(bends=thinned(links.bends, negligible * assembly.mass, dtype), diagonal=padded(sums))
     if families is not None and links.bends is not None:
         rows, twist = [], families.twist_stiffness
         np.add.at(diagonal, springs.bend_vertices, springs.bend_stiffness[:, None] * springs.bend_coefficients**2)
@@ -137,6 +145,18 @@ def matrix_of(assembly: Assembly, links: Links, dtype: type[np.floating]) -> tup
     return matrix, layout
 
 
+class MatrixUnits(NamedTuple):
+    """What linearises at a state; what then sets the inverse of the block diagonal; what linearises the springs nearest
+    to a membrane; and what multiplies with the matrix. `sheet` is the membrane, if that is what the cloth resists with.
+    """
+
+    linearise: list[Use]
+    diagonal: list[Use]
+    nearest: list[Use]
+    product: list[Use]
+    sheet: MembraneStiffness | None
+
+
 def matrix_units(
     thread: Thread,
     matrix: Matrix,
@@ -146,13 +166,9 @@ def matrix_units(
     *,
     contact: PenaltyContact | None,
     railing: Railing | None,
-    levels: bool,
-) -> tuple[list[Use], list[Use]]:
-    """What linearises at a state, and what multiplies with the matrix.
-
-    `scratch` (3, L) is the thread's own. With `levels` also the springs nearest to a membrane are linearised.
-    """
-    own = [Use(set_own, matrix)]
+) -> MatrixUnits:
+    """The units of a matrix; `scratch` (3, L) is the thread's own."""
+    own, nearest, sheet = [Use(set_own, matrix)], [], None
     if contact is not None:
         own.append(Use(add_contact_blocks, Blocks(matrix, contact.penalty.blocks)))
     state, pull = thread.running.state, thread.running.assembly.pull
@@ -172,9 +188,9 @@ def matrix_units(
         sheet = MembraneStiffness(still, layout.membrane, matrix, layout.coefficients, layout.ends)
         first, last = Use(linearise_membrane, sheet), Use(add_membrane_diagonal, sheet)
         product = Use(multiply_membrane, sheet)
-        if levels and layout.nearest is not None:
-            (nearest, found), nowhere = layout.nearest, layout.ends[:0]
-            own.append(Use(linearise_mesh, MeshStiffness(state, nearest, matrix, found, nowhere)))
+        if layout.nearest is not None:
+            (springs, found), nowhere = layout.nearest, layout.ends[:0]
+            nearest.append(Use(linearise_mesh, MeshStiffness(state, springs, matrix, found, nowhere)))
     else:
         assert layout.ends is not None
         mesh = MeshStiffness(state, links.springs, matrix, layout.coefficients, layout.ends)
@@ -185,7 +201,7 @@ def matrix_units(
         bends = MeshBendStiffness(layout.bends, matrix, layout.diagonal)
         diagonals.append(Use(add_mesh_bend_diagonal, bends))
         products.append(Use(multiply_mesh_bends, bends))
-    return [first, *wait(thread), *own, start, *diagonals, invert], products
+    return MatrixUnits([first, *wait(thread), *own], [start, *diagonals, invert], nearest, products, sheet)
 
 
 def link_blocks(matrix: Matrix, layout: Layout, links: Links) -> LinkBlocks:

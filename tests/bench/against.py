@@ -42,6 +42,10 @@ if scene == "walk":
 elif scene == "plain":
     standard = plain(seconds=10.0)
     scene, track = standard.scene, standard.track
+elif scene == "membrane":
+    from tests.support.scenes import irregular_swing
+    assembly, track = irregular_swing(1536)
+    scene = assembly.scene
 elif scene in ("box", "capsule"):
     flat = cape.Cloth.rectangle(
         width=0.9, height=0.9, spacing=0.9 / 38, origin=(-0.45, 0.45, 0.32), right=(0, -1, 0), down=(1, 0, 0)
@@ -92,7 +96,7 @@ class Case(NamedTuple):
 
 SHEETS = [
     Case(f"sheet, {layout}, {solver}, {precision}", layout, solver, precision, 12 if solver in SOLVERS[2:] else 40)
-    for layout in ("grid", "mesh")
+    for layout in ("grid", "mesh", "membrane")
     for solver in SOLVERS
     for precision in ("single", "double")
 ]

@@ -3,12 +3,17 @@
 import numpy as np
 import pytest
 
+from cape.assembly.mesh.links import mesh_bends_record, thinned
+from cape.assembly.mesh.springs import mesh_springs
+from cape.cloth.fabric import Fabric
 from cape.forces.elastic import Elastic
 from cape.kernels import bones
 from cape.kernels.bones import Motion, MotionRoom
+from cape.kernels.cloth.mesh_bending import SUMS, MeshBends
 from cape.kernels.implicit import conjugate_gradients, stages
 from motions import quaternions
 from tests.solvers.linear import LAYOUTS, B, Linear
+from tests.support.scenes import grid_cloth, irregular
 
 
 @pytest.fixture
@@ -51,6 +56,30 @@ def test_the_matrix_is_symmetric_and_positive_definite_also_compressed(layout: s
     np.testing.assert_allclose(dense, dense.T, atol=1e-12 * np.abs(dense).max())
     # M / b^2 is what a stiffness without negative directions leaves at least.
     assert np.linalg.eigvalsh(dense).min() > 0.999 * linear.assembly.mass.min() / B**2
+
+
+def test_bending_that_is_next_to_nothing_is_left_out_of_both_rows_of_a_pair(rng):
+    side = 0.03 * np.arange(9)
+    cloth = irregular(grid_cloth(side, side, Fabric()), rng)
+    bends = mesh_bends_record(mesh_springs(cloth), cloth.vertices, np.float64)
+    least = 10.0 ** rng.uniform(-5.0, -2.0, cloth.vertices)
+    fewer = thinned(bends, least, np.float64)
+    whole, thin = dense_rows(bends), dense_rows(fewer)
+    weak = np.abs(whole) <= np.minimum(least[:, None], least)
+    assert 0.1 < weak[whole != 0.0].mean() < 0.9
+    assert (thin == np.where(weak, 0.0, whole)).all()
+    # Sums of the same products in another order.
+    np.testing.assert_allclose(thin, thin.T, rtol=1e-12)
+    # Rows are of whole SUMS, filled up with nothing.
+    assert (np.diff(fewer.start) % SUMS == 0).all()
+
+
+def dense_rows(bends: MeshBends) -> np.ndarray:
+    """Weights of all pairs (N, N) [N/m]."""
+    count = len(bends.start) - 1
+    dense = np.zeros((count, count))
+    np.add.at(dense, (np.repeat(np.arange(count), np.diff(bends.start)), bends.others), bends.weight)
+    return dense
 
 
 @pytest.mark.parametrize("layout", ["grid", "mesh"])

@@ -48,7 +48,24 @@ def mesh_bends_record(springs: Springs, vertices: int, dtype: type[np.floating])
     matrix = bend_matrix(springs, vertices)
     row = np.repeat(np.arange(vertices), np.diff(matrix.indptr))
     apart = (matrix.indices != row) & (matrix.data != 0.0)
-    row, others, weight = row[apart], matrix.indices[apart], -matrix.data[apart]
+    return _bend_rows(row[apart], matrix.indices[apart], -matrix.data[apart], vertices, dtype)
+
+
+def thinned(bends: MeshBends, least: FloatArray, dtype: type[np.floating]) -> MeshBends:
+    """The same without pairs whose weight is at most the lesser of `least` [N/m] (N,) at both, in some precision.
+
+    Rows stay symmetric, and zero in sum.
+    """
+    count = len(least)
+    row, others = np.repeat(np.arange(count), np.diff(bends.start)), bends.others.astype(np.int64)
+    kept = np.abs(bends.weight) > np.minimum(least[row], least[others])
+    return _bend_rows(row[kept], others[kept], bends.weight[kept], count, dtype)
+
+
+def _bend_rows(
+    row: IntArray, others: IntArray, weight: NDArray[np.floating], vertices: int, dtype: type[np.floating]
+) -> MeshBends:
+    """Lay out rows from their entries, sorted by row; see `MeshBends`."""
     count = np.bincount(row, minlength=vertices)
     width = count + -count % SUMS
     start = np.concatenate([[0], np.cumsum(width)])
