@@ -64,7 +64,7 @@ PRESSED = 0.1  # of the thickness
 OFF_RAIL = 1e-4  # m that the whole cloth's weight on a single vertex takes that off its curve within a stage
 AT_START = 1e-3  # forcing, for the accelerations with which a frame begins
 ROUNDED = 4.0  # times a coordinate's last digit
-WEAK = 0.05  # of the forcing and of mass/b^2, b of a usual step or a longer one: bending that a matrix does without
+WEAK = 0.2  # of the forcing and of mass/b^2, b of a usual step or a longer one: bending that a matrix does without
 INNER = np.float32  # precision of the linear systems, whose solutions the next Newton step corrects
 Array = NDArray[np.floating]
 

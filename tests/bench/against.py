@@ -3,7 +3,7 @@
     python -m tests.bench.against CHECKOUT [--rounds 8] [--only WORD]
 
 A process for each checkout, run by this Python, steps the same frames of the same scene; the two take turns, since the
-clock of a machine wanders, and every frame counts at its fastest. What is compiled counts in no figure.
+clock of a machine wanders, and every frame counts at its fastest, in CPU time. What is compiled counts in no figure.
 """
 
 import argparse
@@ -75,9 +75,9 @@ for line in sys.stdin:
     simulation.start(poses[0])
     taken = []
     for frame in range(1, frames + 1):
-        begun = time.perf_counter()
+        begun = time.process_time()
         simulation.step(poses[frame], 1 / 60)
-        taken.append(time.perf_counter() - begun)
+        taken.append(time.process_time() - begun)
     print(json.dumps([scene.cloth.vertices, simulation.substeps, taken[untimed:]]), flush=True)
 """
 

@@ -241,6 +241,25 @@ def test_a_step_within_the_tolerance_is_not_taken_where_equations_may_be_settled
 
 
 @layouts
+def test_a_residual_far_below_the_tolerance_is_settled_without_a_product(layout: str, rng):
+    linear = linear_of(layout, rng)
+    vectors, free = linear.matrix.vectors, np.tile(linear.assembly.free, 3)
+    r = rng.standard_normal((3, linear.count)) * linear.assembly.free
+    z = linear.preconditioned(r)
+    xx, yy, zz, xy, xz, yz = linear.matrix.inverse[:, linear.own]
+    z += np.einsum("abn,bn->an", np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), r)
+    moved = np.sqrt((z * free.reshape(3, -1)).ravel() @ z.ravel() / linear.count)
+    for share, settled in ((0.2, True), (2.0, False)):
+        vectors[1][:, linear.own], vectors[4][:] = r, np.nan
+        iterations, _, first = conjugate_gradients.solve_unless(
+            linear.system, B, 1e-3, moved / share, True, linear.team
+        )
+        assert np.isnan(vectors[4]).all() == settled
+        assert (iterations == 1) == settled
+        assert not settled or first == pytest.approx(share, rel=1e-9)
+
+
+@layouts
 @pytest.mark.parametrize("kind", [BackwardEuler, TRBDF2], ids=lambda kind: kind.name)
 def test_finer_cloth_takes_no_more_iterations(kind: type[BackwardEuler | TRBDF2], layout: str):
     taken = []

@@ -18,6 +18,7 @@ CHUNK = 64  # vertices; the ranges of threads are multiples of it
 LANES = np.uint64(8)
 LEFT = 0.5  # of what may be left, to which steps of conjugate gradients shrink: those to come add up to about as much
 ROUGHLY = 0.1  # forcing of steps that are as short as that
+SURELY = 0.25  # of what may be left: steps are no four times as long as the preconditioned residual
 FAINTEST = 1e-34  # squared residual; below it terms in single precision lose digits, and steps go anywhere
 
 
@@ -135,9 +136,10 @@ def solve_linear(system, b, forcing, tolerance, team):
 @routine
 def solve_unless(system, b, forcing, tolerance, settled, team):
     """The same; but where the first step would move vertices by less than the tolerance and the equations may be
-    `settled` as they are, it is not taken, and d is 0."""
+    `settled` as they are, it is not taken, and d is 0. Where the preconditioned residual itself is shorter than
+    `SURELY` of the tolerance, no product is needed to see that."""
     matrix, terms, sums, lo, hi = system.matrix, system.work.terms, system.work.sums, team.lo, team.hi
-    front, m, vectors, s = matrix.front, matrix.inverse, matrix.vectors, system.state
+    front, m, vectors = matrix.front, matrix.inverse, matrix.vectors
     dtype = vectors.dtype.type
     a, e = front + lo, front + hi
     d, r, z, p, q = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
@@ -148,6 +150,11 @@ def solve_unless(system, b, forcing, tolerance, settled, team):
     run(system.precondition, team, 0, 1, b)
     head_for(z[0, a:e], z[1, a:e], z[2, a:e], p[0, a:e], p[1, a:e], p[2, a:e])
     squared = sum_all(lo, hi, front, terms, sums[0], team)
+    ahead = 0.0
+    if tolerance > 0.0:
+        ahead = length_of(system, tolerance, p, team)
+        if settled and ahead < SURELY:
+            return 1, 0.0, ahead
     enough = max(forcing * forcing * squared, FAINTEST)
     rough = max(ROUGHLY * ROUGHLY * squared, FAINTEST)
     slope, first, least, gained = 0.0, math.inf, 0.0, math.inf
@@ -163,12 +170,7 @@ def solve_unless(system, b, forcing, tolerance, settled, team):
         gained = alpha * squared
         slope += gained
         if tolerance > 0.0 and iteration == 0:
-            digits = system.settings.digits
-            share_terms(
-                tolerance * tolerance, digits * digits, p[0, a:e], p[1, a:e], p[2, a:e], s.x[lo:hi], s.y[lo:hi],
-                s.z[lo:hi], terms[a:e],
-            )  # fmt: skip
-            first = alpha * math.sqrt(sum_all(lo, hi, front, terms, sums[2], team) / system.inertia.mass.size)
+            first = alpha * ahead
             if settled and first < 1.0:
                 return 1, slope, first
             least = gained * (LEFT / first) ** 2
@@ -183,6 +185,18 @@ def solve_unless(system, b, forcing, tolerance, settled, team):
         turn(dtype(squared / before), z[0, a:e], z[1, a:e], z[2, a:e], p[0, a:e], p[1, a:e], p[2, a:e])
         meet(team)
     return most, slope, first
+
+
+@routine
+def length_of(system, tolerance, p, team):
+    """How far a direction moves vertices, root mean square, as a share of what each may be."""
+    terms, lo, hi, s, front = system.work.terms, team.lo, team.hi, system.state, system.matrix.front
+    a, e, digits = front + lo, front + hi, system.settings.digits
+    share_terms(
+        tolerance * tolerance, digits * digits, p[0, a:e], p[1, a:e], p[2, a:e], s.x[lo:hi], s.y[lo:hi], s.z[lo:hi],
+        terms[a:e],
+    )  # fmt: skip
+    return math.sqrt(sum_all(lo, hi, front, terms, system.work.sums[2], team) / system.inertia.mass.size)
 
 
 @routine
