@@ -224,7 +224,7 @@ class ImplicitSolver(Solver):
         """The equations of a stage with some contact, or none; or of the accelerations at the `start` of a frame.
 
         A `later` stage of a step is preconditioned by what the one before has left, as long as no contact may come in
-        between: to find it anew takes as long as three iterations, and saves none.
+        between: to find it anew takes about as long as an iteration, and saves none.
         """
         running = thread.running
         arrays: ImplicitArrays = running.arrays

@@ -82,8 +82,8 @@ def matrix_of(
 ) -> tuple[Matrix, Layout]:
     """Lay out the matrix of a cloth, and what springs give to it; see `kernels.implicit.stiffness`.
 
-    Bending of a mesh leaves out pairs of vertices whose weight is at most `negligible` [1/s2] of their masses, which is
-    the half of them.
+    Bending of a mesh leaves out pairs of vertices whose weight is at most `negligible` [1/s2] times the lesser of their
+    masses, many of the pairs that are far from each other.
     """
     springs, cloth = assembly.springs, assembly.cloth
     count = cloth.vertices
