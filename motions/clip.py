@@ -1,5 +1,6 @@
 """A motion clip: a joint tree and the pose of each of its joints over time."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from motions import quaternions
 from motions.bodies import stature
 from motions.errors import UnknownNameError, ValueRangeError
 from motions.kinematics import forward_kinematics
+from motions.skin import Skin
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -49,6 +51,8 @@ class Clip:
         local_positions: position of each joint in its parent's frame [m], shape (F, J, 3), the root's its position in
             the world, or None where all joints but the root stay at their offsets.
         decisions: what the reader had to decide (unit, up axis, dropped frames, renamed joints), a sentence each.
+        roles: name of the joint of each role (`motions.ROLES`) that the file itself tells, as VRM files do.
+        skin: the mesh that the joints carry; None for none.
 
     Raises:
         ValueRangeError: shapes that don't fit, numbers that aren't finite, a tree that isn't one, fps of 0 or less.
@@ -65,6 +69,8 @@ class Clip:
     rotations_wxyz: FloatArray
     local_positions: FloatArray | None = None
     decisions: tuple[str, ...] = field(default=())
+    roles: Mapping[str, str] = field(default_factory=dict)
+    skin: Skin | None = None
 
     def __post_init__(self) -> None:
         """Copy, check and freeze the arrays."""
@@ -231,5 +237,5 @@ class Clip:
         """Height of the body if it stood upright [m], whatever its pose in the clip; see `stature.standing_height`."""
         sampled = self.sampled()
         points = np.concatenate([sampled.world_positions(), sampled.end_positions()], axis=1)
-        landmarks = stature.find_landmarks(self.joints, self.parents, self.end_parents, points)
+        landmarks = stature.find_landmarks(self.joints, self.parents, self.end_parents, points, self.roles)
         return stature.standing_height(points, landmarks)

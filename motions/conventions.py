@@ -18,6 +18,11 @@ POSSIBLE = (1.2, 2.4)
 """Heights of children and giants [m]: with no plausible unit, the one in this range is taken, with a remark. Neighbours
 among the units differ by more than the ends of either range do, so at most one fits."""
 
+GLTF_UP = "y"
+"""The axis that points up in glTF, whose unit is the metre (3.4)."""
+_IN_METRES = (0.3, 5.0)
+"""Heights [m] of characters, from a gnome to a giant, which are believed where a file states its unit."""
+
 USUAL_HEIGHT = 1.7
 """What a body is scaled to [m] where no unit makes it possible."""
 
@@ -146,6 +151,11 @@ def choose_unit(height: float) -> tuple[float, str]:
         f"unit: none that is known makes a body of {height:.3g} units 1.4 to 2.1 m tall, so it was scaled to "
         f"{USUAL_HEIGHT} m; give unit or height to change it"
     )
+
+
+def is_in_metres(height: float) -> bool:
+    """Whether a height in a stated unit, the metre, is one that a character may have."""
+    return _IN_METRES[0] <= height <= _IN_METRES[1]
 
 
 def remark_on_height(height: float) -> str:

@@ -22,3 +22,5 @@ MOST_CLOTH_VERTICES = 50_000
 """Vertices of a cloth that comes from a file: one of these takes some hundred times as long as a cape of 1,500."""
 MOST_MESH_TRIANGLES = 1_000_000
 """Triangles of a mesh that is read to be remeshed, or to be drawn."""
+LARGEST_DESCRIPTION = 2**26
+"""Bytes of text that describes a glTF file; its numbers lie beside it, but for a .gltf file that holds all in one."""

@@ -1,6 +1,7 @@
 """From a file to a clip: read, decide what the file leaves open, convert once to metres and Z up."""
 
 from collections import Counter
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from motions.bvh import reader
 from motions.bvh.reader import Recording
 from motions.clip import Clip
 from motions.errors import FileError, ValueRangeError
+from motions.gltf import reader as gltf
 from motions.shipped import clip_names, clip_path
 
 FloatArray = NDArray[np.float64]
@@ -30,13 +32,16 @@ def load(
     keep_first_frame: bool | None = None,
     name: str | None = None,
     rate: float | None = None,
+    animation: str | None = None,
 ) -> Clip:
-    """Read a BVH file into a clip, in metres and Z up.
+    """Read a BVH file, or a character from a glTF one, into a clip, in metres and Z up.
 
-    What the file leaves open is decided from the motion itself; every decision is a sentence in `Clip.decisions`.
+    What the file leaves open is decided from the motion itself; every decision is a sentence in `Clip.decisions`. glTF
+    (.glb, .gltf, .vrm) states its unit, the metre, and that Y is up: both are believed, unless that makes no body of
+    0.3 to 5 m.
 
     Args:
-        path: a BVH file, or the name of a shipped clip where no such file exists.
+        path: a BVH or glTF file, or the name of a shipped clip where no such file exists.
         unit: "m", "cm", "mm", "inch", "cmu" (1/0.45 inch) or metres in the file's unit; None takes the one that makes
             a person of 1.4 to 2.1 m.
         up: "x", "y", "z", "-x", "-y" or "-z", the file's axis that points up; None compares the head with the feet.
@@ -44,11 +49,12 @@ def load(
         keep_first_frame: False drops the first frame, True keeps it, None drops it where the body jumps from it to the
             second, as from the T-pose in front of CMU's files.
         name: what to call the clip, by default the stem of the file.
-        rate: frames per second, whatever the file says.
+        rate: frames per second, whatever the file says; of a glTF file how many are taken of its animation in a second.
+        animation: name of one of a glTF file's animations; None for the first that moves the character.
 
     Raises:
         FileError: the file is missing, unreadable or malformed; names the line.
-        UnknownNameError: no such unit or up axis.
+        UnknownNameError: no such unit, up axis or animation.
         ValueRangeError: a unit or height of 0 or less, or both given; a rate below 0.001 or above 1e6.
     """
     if unit is not None and height is not None:
@@ -61,18 +67,22 @@ def load(
     if rate is not None and not 1e-3 <= rate <= 1e6:
         raise ValueRangeError(f"rate must be above 0 frames per second, not {rate:g}")
     path = _find(path)
-    recording = reader.read(path, rate)
+    figure = gltf.read(path, rate=rate, animation=animation) if path.suffix.lower() in gltf.SUFFIXES else None
+    if figure is None and animation is not None:
+        raise ValueRangeError(f"{path} holds a single motion: leave out the animation {animation!r}")
+    recording = reader.read(path, rate) if figure is None else figure.recording
     joints, decisions = _unique(recording.joints)
     decisions += recording.remarks
+    roles = {} if figure is None else {role: joints[joint] for role, joint in figure.roles.items()}
 
     few = np.arange(min(len(recording.rotations), conventions.JUMP_FRAMES))
     spread = np.linspace(0, len(recording.rotations) - 1, stature.SAMPLES).astype(np.int64)
     points = recording.frames(np.concatenate([few, spread])).points()
-    landmarks = stature.find_landmarks(joints, recording.parents, recording.end_parents, points)
+    landmarks = stature.find_landmarks(joints, recording.parents, recording.end_parents, points, roles)
     units_tall = stature.standing_height(points, landmarks)
 
     jump = None
-    if keep_first_frame is None:
+    if keep_first_frame is None and figure is None:
         bare = bool((np.abs(recording.rotations[0, :, 0]) > conventions.UNTURNED).all())
         jump = conventions.jumps_at_start(points[: len(few)], units_tall, bare=bare)
     if jump is not None:
@@ -85,18 +95,30 @@ def load(
 
     if up is None:
         up, sentence = conventions.choose_up(points, landmarks, units_tall)
-        decisions.append(sentence)
+        if figure is not None and landmarks is not None and up != conventions.GLTF_UP:
+            sentence = f"up: +Y axis, as glTF has it, though the body stands along +{up.upper()}; give up if it's wrong"
+            decisions.append(sentence)
+        up = up if figure is None else conventions.GLTF_UP
+        decisions += [sentence] if figure is None else []
     if height is not None:
         if units_tall <= 0:
             raise ValueRangeError(f"{path}: the body has no height, so it can't be scaled to {height:g} m")
         scale = height / units_tall
         decisions.append(f"unit: {scale:.4g} m, which makes the body {height:g} m tall, as asked")
+    elif scale is None and figure is not None and conventions.is_in_metres(units_tall):
+        scale = 1.0
     elif scale is None:
         scale, sentence = conventions.choose_unit(units_tall)
         decisions.append(sentence)
     elif remark := conventions.remark_on_height(units_tall * scale):
         decisions.append(f"unit: {scale:.4g} m as asked makes the body {units_tall * scale:.3g} m tall{remark}")
-    return _convert(recording, joints, scale, up, name or path.stem, decisions)
+    clip = _convert(recording, joints, scale, up, name or path.stem, decisions)
+    if figure is None:
+        return clip
+    skin = None if figure.skin is None else figure.skin.turned(conventions.to_z_up(up), scale)
+    if skin is not None:
+        skin = replace(skin, bones=tuple(joints[int(bone)] for bone in skin.bones))
+    return replace(clip, roles=roles, skin=skin)
 
 
 _OTHERS = {
@@ -106,9 +128,13 @@ _OTHERS = {
         "fps, as an .npz file",
     ),
     ".npy": "an array without a name: save it as q or qpos in an .npz file",
-    ".fbx": "an FBX file: export its motion as BVH, from Blender for example",
-    **dict.fromkeys((".glb", ".gltf", ".vrm", ".dae"), "a scene: export its motion as BVH, from Blender for example"),
-    **dict.fromkeys((".asf", ".amc", ".c3d", ".trc"), "motion capture of another format: convert it to BVH"),
+    ".fbx": "an FBX file: convert it to GLB, in Blender or by its command: blender -b --python-expr \"import bpy; "
+    "bpy.ops.wm.read_factory_settings(use_empty=True); bpy.ops.import_scene.fbx(filepath='IN.fbx'); "
+    "bpy.ops.export_scene.gltf(filepath='OUT.glb')\"",
+    ".dae": "a scene: export its motion as GLB or BVH, from Blender for example",
+    ".c3d": "markers on a skin and no joints: have the program that recorded them, or Blender's or MotionBuilder's "
+    "solver, fit a skeleton, and export that as BVH",
+    **dict.fromkeys((".asf", ".amc", ".trc"), "motion capture of another format: convert it to BVH"),
 }
 """What files are that people have motions in and that are not read, by their suffixes."""
 

@@ -1,6 +1,6 @@
 """How tall a moving body is and where its head and feet are, in any unit and any axes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +33,11 @@ class Landmarks:
 
 
 def find_landmarks(
-    joints: Sequence[str], parents: ArrayLike, end_parents: ArrayLike, points: FloatArray
+    joints: Sequence[str],
+    parents: ArrayLike,
+    end_parents: ArrayLike,
+    points: FloatArray,
+    roles: Mapping[str, str] | None = None,
 ) -> Landmarks | None:
     """Find head and feet by the names of the joints, else by the shape of the tree.
 
@@ -42,12 +46,13 @@ def find_landmarks(
         parents: index of each joint's parent, -1 for the root, shape (J,).
         end_parents: joint at which each of the E end sites hangs, shape (E,).
         points: positions of the joints and the end sites in the world over some frames, any unit, shape (F, J + E, 3).
+        roles: joints of roles that are known besides.
 
     Returns:
         None where neither names nor shape show a body with a head and feet.
     """
     above = [*(int(parent) for parent in np.asarray(parents)), *(int(parent) for parent in np.asarray(end_parents))]
-    return _landmarks_by_name(joints, above, points) or _landmarks_by_shape(above, points)
+    return _landmarks_by_name(joints, above, points, roles) or _landmarks_by_shape(above, points)
 
 
 def standing_height(points: FloatArray, landmarks: Landmarks | None) -> float:
@@ -77,8 +82,10 @@ def upright_direction(points: FloatArray, landmarks: Landmarks) -> FloatArray:
     return np.mean(direction / np.where(lengths > 0, lengths, 1.0), axis=0)
 
 
-def _landmarks_by_name(joints: Sequence[str], above: Sequence[int], points: FloatArray) -> Landmarks | None:
-    roles = {role: joints.index(name) for role, name in find_roles(joints, above[: len(joints)]).items()}
+def _landmarks_by_name(
+    joints: Sequence[str], above: Sequence[int], points: FloatArray, known: Mapping[str, str] | None
+) -> Landmarks | None:
+    roles = {role: joints.index(name) for role, name in find_roles(joints, above[: len(joints)], known).items()}
     legs = tuple(
         tuple(path_down(above, roles[f"{side}_thigh"], roles[f"{side}_foot"]))
         for side in ("left", "right")

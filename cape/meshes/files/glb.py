@@ -1,11 +1,9 @@
 """GLB, the binary form of glTF 2.0: geometry, `_` attributes, skin weights and the textures of its material.
 
-Read here rather than by trimesh, which drops attributes and skins: an accessor is a view of the bytes, and all those of
-a vertex are then read alike. Section numbers are of the specification, Khronos 2021, registry.khronos.org/glTF.
+Read here rather than by trimesh, which drops attributes and skins: all accessors of a vertex are then read alike.
+Section numbers are of the specification, Khronos 2021, registry.khronos.org/glTF.
 """
 
-import json
-import struct
 from typing import Any
 
 import numpy as np
@@ -13,14 +11,12 @@ from numpy.typing import NDArray
 
 from cape.cloth.drawn.textures import Textures, decoded
 from cape.meshes.source import FloatArray, Source, add_weight, upright
-from motions import quaternions
-from motions.errors import FileError, UserError
+from motions.errors import FileError
+from motions.gltf.accessors import values_of
+from motions.gltf.document import Document, reading
+from motions.gltf.nodes import local_matrix
 
-JSON, BIN = 0x4E4F534A, 0x004E4942
-KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # 3.6.2.2
-WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 TRIANGLES = 4
-COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
 
 
 def read_glb(data: bytes, label: str, *, up: str = "y") -> Source:
@@ -37,34 +33,15 @@ def read_glb(data: bytes, label: str, *, up: str = "y") -> Source:
     Raises:
         FileError: it can't be read, is compressed, or has no triangle.
     """
-    try:
-        return _File(data, label).mesh(up)
-    except UserError:
-        raise
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError, struct.error, RecursionError) as error:
-        raise FileError(f"{label} is no GLB that can be read: {type(error).__name__}: {error}") from None
+    with reading(label, "GLB"):
+        return _File(Document.of_glb(data, label)).mesh(up)
 
 
 class _File:
     """A file's description and bytes, and what of its scene has been gathered."""
 
-    def __init__(self, data: bytes, label: str) -> None:
-        """Take the two chunks apart (4.4)."""
-        self._label = label
-        magic, version, _ = struct.unpack_from("<4sII", data)
-        if magic != b"glTF" or version != 2:
-            raise FileError(f"{label} is no GLB of version 2")
-        chunks: dict[int, bytes] = {}
-        place = 12
-        while place + 8 <= len(data):
-            length, kind = struct.unpack_from("<II", data, place)
-            chunks.setdefault(kind, data[place + 8 : place + 8 + length])
-            place += 8 + length
-        self._top: dict[str, Any] = json.loads(chunks[JSON])
-        self._bytes = chunks.get(BIN, b"")
-        for extension in COMPRESSED:
-            if extension in self._top.get("extensionsRequired", ()):
-                raise FileError(f"{label} is compressed by {extension}: save it without")
+    def __init__(self, document: Document) -> None:
+        self._document, self._label, self._top = document, document.label, document.top
         self._positions: list[FloatArray] = []
         self._triangles: list[NDArray[np.int64]] = []
         self._places: list[FloatArray | None] = []
@@ -96,7 +73,7 @@ class _File:
     def _walk(self, number: int, above: FloatArray) -> None:
         """Gather the meshes of a node and of those below, in coordinates of the scene."""
         node = self._top["nodes"][number]
-        world = above @ _local(node)
+        world = above @ local_matrix(node)
         if "mesh" in node:
             mesh = self._top["meshes"][node["mesh"]]
             skin = self._top["skins"][node["skin"]] if "skin" in node else None
@@ -145,20 +122,7 @@ class _File:
 
     def _values(self, number: int) -> FloatArray:
         """The numbers of an accessor, those of whole numbers that stand for 0 to 1 as these, shape (count, width)."""
-        accessor = self._top["accessors"][number]
-        if "sparse" in accessor or "bufferView" not in accessor:
-            raise FileError(f"{self._label} has a sparse accessor: save it without")
-        kind, width = np.dtype(KINDS[accessor["componentType"]]), WIDTHS[accessor["type"]]
-        view = self._top["bufferViews"][accessor["bufferView"]]
-        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-        stride, count = view.get("byteStride", kind.itemsize * width), accessor["count"]
-        end = start + stride * (count - 1) + kind.itemsize * width
-        if min(start, count - 1, stride - kind.itemsize * width) < 0 or end > len(self._bytes):
-            raise FileError(f"{self._label}: accessor {number} reaches beyond the file's {len(self._bytes)} bytes")
-        raw = np.frombuffer(self._bytes, np.uint8, end - start, start)
-        rows = np.lib.stride_tricks.as_strided(raw, (count, kind.itemsize * width), (stride, 1), writeable=False)
-        values = np.ascontiguousarray(rows).view(kind).astype(float)
-        return values / np.iinfo(kind).max if accessor.get("normalized") else values
+        return values_of(self._document, number)
 
     def _textures(self) -> Textures | None:
         """Those of the material; None where it has no albedo."""
@@ -173,17 +137,5 @@ class _File:
         if "bufferView" not in image:
             self._notes.append(f"texture {image.get('uri', number)} lies outside of the file and was left out")
             return None
-        view = self._top["bufferViews"][image["bufferView"]]
-        start = view.get("byteOffset", 0)
-        return decoded(self._bytes[start : start + view["byteLength"]], f"image {number} of {self._label}")
-
-
-def _local(node: dict[str, Any]) -> FloatArray:
-    """A node's transform to its parent, shape (4, 4) (3.5.2)."""
-    if "matrix" in node:
-        return np.array(node["matrix"], dtype=float).reshape(4, 4).T
-    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
-    found = np.eye(4)
-    found[:3, :3] = quaternions.to_matrix(np.array([w, x, y, z], dtype=float)) * node.get("scale", (1.0, 1.0, 1.0))
-    found[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
-    return found
+        data, start, length, _ = self._document.view(image["bufferView"])
+        return decoded(data[start : start + length], f"image {number} of {self._label}")

@@ -1,0 +1,192 @@
+"""A glTF file as joints, their motion and the mesh that they carry, still in its own unit and axes.
+
+Joints are rigid frames elsewhere: of a transform with scales the turn counts as the joint's, and what stretches is left
+to the mesh.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motions import quaternions
+from motions.bvh.reader import Recording
+from motions.errors import FileError
+from motions.gltf.animation import channels_of, find_animation, frame_times, sampled
+from motions.gltf.document import Document, reading
+from motions.gltf.humanoid import roles_of_file
+from motions.gltf.meshes import Gathering
+from motions.gltf.nodes import Nodes, read_nodes
+from motions.skin import Skin
+
+FloatArray = NDArray[np.float64]
+
+SUFFIXES = (".glb", ".gltf", ".vrm")
+STILL_SECONDS, STILL_FPS = 3.0, 30.0  # how long a figure without animation stands
+LONGEST = 2**24  # poses of nodes, over all frames: an hour of sixty at 60 frames a second
+_EVEN = 1e-4  # by which scales along the axes may differ, of the largest, and still count as one
+_STRETCHED = 0.01  # by which a joint's scale may change in a motion without a word
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """What a file holds of a character.
+
+    Attributes:
+        recording: its joints and their motion; names need not be unique.
+        skin: its mesh on joints that are named by their numbers; None for none.
+        roles: the number of the joint of each role that the file itself names.
+    """
+
+    recording: Recording
+    skin: Skin | None
+    roles: dict[str, int]
+
+
+def read(path: Path, *, rate: float | None = None, animation: str | None = None) -> Figure:
+    """Read a character.
+
+    Args:
+        path: a .glb, .gltf or .vrm file.
+        rate: frames per second in which to take its animation; None for those of its keyframes.
+        animation: name of the animation; None for the first that moves the character.
+
+    Raises:
+        FileError: the file is missing, damaged, compressed, or has neither skin nor animation.
+        UnknownNameError: there is no such animation.
+    """
+    document = Document.read(path)
+    with reading(str(path)):
+        return _figure(document, rate, animation)
+
+
+def _figure(document: Document, rate: float | None, asked: str | None) -> Figure:
+    nodes = read_nodes(document)
+    chosen = _joints(document, nodes, asked)
+    every = nodes.with_above(chosen)
+    number, remarks = find_animation(document, asked, moving=every)
+    channels = [] if number is None else channels_of(document, number, every)
+    if channels:
+        times, fps = frame_times(channels, rate)
+    else:
+        fps = rate or STILL_FPS
+        times = np.arange(round(STILL_SECONDS * fps) + 1) / fps
+        remarks.append(f"no animation moves the figure: it stands as it is for {STILL_SECONDS:g} s")
+    if len(times) * len(nodes.names) > LONGEST:
+        raise FileError(f"{document.label}: {len(times)} frames of {len(nodes.names)} nodes are too long a motion")
+    places, turns, stretches = _rigid(nodes, every, chosen, sampled(nodes, channels, times))
+    if (changes := np.ptp(stretches, axis=0).max(axis=(1, 2)) > _STRETCHED * np.abs(stretches).max()).any():
+        some = ", ".join(nodes.names[chosen[k]] for k in np.flatnonzero(changes)[:3])
+        remarks.append(f"scales that change in the motion stay as they are at first: {some}, {changes.sum()} in all")
+
+    joint_of = {node: joint for joint, node in enumerate(chosen)}
+    parents = np.array([_parent(nodes, node, joint_of) for node in chosen])
+    names = [nodes.names[node] for node in chosen]
+    if (parents < 0).sum() > 1:  # trees side by side hang at one root in the middle of the world
+        parents, names = np.concatenate([[-1], parents + 1]), ["root", *names]
+        joint_of = {node: joint + 1 for node, joint in joint_of.items()}
+        places = np.concatenate([np.zeros_like(places[:, :1]), places], axis=1)
+        turns = np.concatenate([np.broadcast_to([1.0, 0.0, 0.0, 0.0], turns[:, :1].shape), turns], axis=1)
+        stretches = np.concatenate([np.broadcast_to(np.eye(3), stretches[:, :1].shape), stretches], axis=1)
+    gathering = Gathering(document, nodes, joint_of, stretches[0])
+    skin = gathering.skin([str(joint) for joint in range(len(names))])
+    recording = Recording(
+        joints=tuple(names),
+        parents=parents,
+        end_parents=np.zeros(0, dtype=np.int64),
+        end_offsets=np.zeros((0, 3)),
+        fps=fps,
+        remarks=tuple([*remarks, *gathering.notes]),
+        **_in_parents(parents, places, turns),
+    )
+    roles = {role: joint_of[node] for role, node in roles_of_file(document).items() if node in joint_of}
+    return Figure(recording, skin, roles)
+
+
+def _joints(document: Document, nodes: Nodes, asked: str | None) -> list[int]:
+    """The nodes that count as joints, those above first: of skins, or of an animation where there is no skin.
+
+    Those between them count as well, and those above them up to where all meet.
+    """
+    skins = {node["skin"] for node in document.list_of("nodes") if "skin" in node and "mesh" in node}
+    own = {joint for skin in skins for joint in document.list_of("skins")[skin]["joints"]}
+    if not own:
+        number, _ = find_animation(document, asked, moving=nodes.order)
+        moved = [] if number is None else channels_of(document, number, nodes.order)
+        own = {channel.node for channel in moved}
+    if not own:
+        raise FileError(
+            f"{document.label} has no skin and no animation, so nothing in it moves: cape replay --cloth wears a mesh"
+        )
+    found = nodes.with_above(own)
+    below = Counter(nodes.parents[node] for node in found)
+    while below[-1] == 1 and found[0] not in own and below[found[0]] == 1:
+        del found[0]  # what only places the character in its world
+    return found
+
+
+def _parent(nodes: Nodes, node: int, joint_of: dict[int, int]) -> int:
+    return joint_of.get(nodes.parents[node], -1)
+
+
+def _rigid(
+    nodes: Nodes, every: Sequence[int], chosen: Sequence[int], local: dict[str, FloatArray]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Where joints are in the file's world in each of F frames.
+
+    Args:
+        nodes: of the file.
+        every: the joints and what is above them, those above first.
+        chosen: those whose place is wanted.
+        local: transforms of all nodes to those above, as of `animation.sampled`.
+
+    Returns:
+        Places, shape (F, J, 3), turns wxyz, shape (F, J, 4), and what of the transforms is neither, shape (F, J, 3, 3).
+    """
+    frames = len(local["scale"])
+    count = len(nodes.names)
+    places, linear = np.zeros((frames, count, 3)), np.zeros((frames, count, 3, 3))
+    turns = np.zeros((frames, count, 4))
+    for node in every:
+        parent, rotation = nodes.parents[node], local["rotation"][:, node]
+        own = quaternions.to_matrix(rotation) * local["scale"][:, node, None]
+        if parent < 0:
+            places[:, node], turns[:, node], linear[:, node] = local["translation"][:, node], rotation, own
+            continue
+        moved = np.einsum("fij,fj->fi", linear[:, parent], local["translation"][:, node])
+        places[:, node] = places[:, parent] + moved
+        turns[:, node] = quaternions.multiply(turns[:, parent], rotation)
+        linear[:, node] = linear[:, parent] @ own
+    scales = local["scale"][:, list(every)]
+    if scales.min() <= 0.0 or (np.ptp(scales, axis=2) > _EVEN * scales.max(axis=2)).any():
+        _turn_by_nearest(turns, linear, chosen)
+    stretches = np.swapaxes(quaternions.to_matrix(turns[:, chosen]), -1, -2) @ linear[:, chosen]
+    return places[:, chosen], turns[:, chosen], stretches
+
+
+def _turn_by_nearest(turns: FloatArray, linear: FloatArray, chosen: Sequence[int]) -> None:
+    """Give joints the turn that is nearest to their transform, where scales differ by axes or mirror it.
+
+    It is U V' of the decomposition U S V' (Higham 1986, "Computing the polar decomposition"), mirrored along the first
+    axis where that is no turn. What has lost a dimension keeps the turn that it has by its rotations.
+    """
+    for node in chosen:
+        u, values, v = np.linalg.svd(linear[:, node])
+        nearest = u @ v
+        nearest[np.linalg.det(nearest) < 0.0] *= np.array([-1.0, 1.0, 1.0])
+        sound = values[:, 2] > 1e-6 * values[:, 0]
+        turns[sound, node] = quaternions.from_matrix(nearest[sound])
+
+
+def _in_parents(parents: NDArray[np.int64], places: FloatArray, turns: FloatArray) -> dict[str, FloatArray]:
+    """Offsets, moving joints, their places and all turns in the frames of their parents."""
+    local, rotations = places.copy(), quaternions.make_continuous(turns)
+    above = np.maximum(parents, 0)
+    inverse = quaternions.conjugate(turns[:, above[1:]])
+    local[:, 1:] = quaternions.rotate(inverse, places[:, 1:] - places[:, above[1:]])
+    rotations[:, 1:] = quaternions.multiply(inverse, turns[:, 1:])
+    moving = np.arange(len(parents))
+    return {"offsets": local[0].copy(), "moving": moving, "positions": local, "rotations": rotations}
