@@ -1,6 +1,7 @@
 """The errors that a user's input can cause; the command line prints each as one line and exits with status 2."""
 
 import difflib
+import importlib.util
 from collections.abc import Iterable, Sequence
 from operator import index
 
@@ -20,6 +21,33 @@ class FileError(UserError):
 
 class ValueRangeError(UserError):
     """A number or an array that is outside of what makes sense."""
+
+
+class MissingPackageError(UserError):
+    """A package that something needs is not installed; the text says how to get it."""
+
+
+PACKAGES = {
+    "pinocchio": "pin",
+    "coal": "pin",
+    "rerun": "'rerun-sdk>=0.41,<0.42'",
+    "rerun_cli": "'rerun-sdk>=0.41,<0.42'",
+}
+"""What to install for modules that only some tasks need; they come along where a platform has them."""
+
+
+def require_package(module: str, what: str) -> None:
+    """Check that a module can be imported, without importing it.
+
+    Args:
+        module: one of `PACKAGES`.
+        what: what needs it, in a few words.
+
+    Raises:
+        MissingPackageError: it can't.
+    """
+    if importlib.util.find_spec(module) is None:
+        raise MissingPackageError(f"{what} needs {module}: pip install {PACKAGES[module]}")
 
 
 class UnknownNameError(UserError):

@@ -128,7 +128,7 @@ _OTHERS = {
         "fps, as an .npz file",
     ),
     ".npy": "an array without a name: save it as q or qpos in an .npz file",
-    ".fbx": "an FBX file: convert it to GLB, in Blender or by its command: blender -b --python-expr \"import bpy; "
+    ".fbx": 'an FBX file: convert it to GLB, in Blender or by its command: blender -b --python-expr "import bpy; '
     "bpy.ops.wm.read_factory_settings(use_empty=True); bpy.ops.import_scene.fbx(filepath='IN.fbx'); "
     "bpy.ops.export_scene.gltf(filepath='OUT.glb')\"",
     ".dae": "a scene: export its motion as GLB or BVH, from Blender for example",

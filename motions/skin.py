@@ -89,7 +89,7 @@ class Skin:
             Vertices in the world [m], shape (V, 3), and unit normals, shape (V, 3), None where the piece has none.
         """
         used, local = np.unique(piece.binds, return_inverse=True)
-        local = local.reshape(piece.binds.shape)
+        local = local.reshape(piece.binds.shape).T
         binds = self.binds[used]
         weights = piece.weights.astype(np.float32)[..., None]
         vertices = piece.vertices.astype(np.float32)[..., None]
@@ -101,14 +101,14 @@ class Skin:
             middle = matrices[..., 3].mean(axis=0)
             matrices[..., 3] -= middle
             flat = matrices.reshape(len(used), 12).astype(np.float32)
-            blended = weights[:, 0] * flat[local[:, 0]]
-            for k in range(1, local.shape[1]):
-                blended += weights[:, k] * flat[local[:, k]]
+            blended = weights[:, 0] * flat[local[0]]
+            for k in range(1, piece.binds.shape[1]):
+                blended += weights[:, k] * flat[local[k]]
             blended = blended.reshape(-1, 3, 4)
             points = (blended[..., :3] @ vertices)[..., 0] + blended[..., 3]
             yield (points + middle).astype(np.float32), None if normals is None else _unit(blended[..., :3] @ normals)
 
 
-def _unit(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
-    flat = vectors[..., 0]
+def _unit(vectors: NDArray[np.floating]) -> NDArray[np.float32]:
+    flat = vectors[..., 0].astype(np.float32)
     return flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.float32(1e-12))

@@ -1,4 +1,4 @@
-"""Characters: joint trees as Pinocchio models, bones in the world, solids around limbs, motions on robots."""
+"""Characters: bones in the world, solids around limbs, robots as Pinocchio models, motions on these."""
 
 from skeleton.checks.check import check_motion
 from skeleton.checks.findings import Finding

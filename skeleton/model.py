@@ -5,6 +5,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,9 +16,11 @@ from motions.bodies.roles import ROLES, SIDES, find_roles, require_role, require
 from motions.bodies.shape import roles_by_shape
 from motions.clip import Clip
 from motions.conventions import to_z_up
-from motions.errors import UnknownNameError, ValueRangeError
+from motions.errors import UnknownNameError, ValueRangeError, require_package
 from motions.kinematics import forward_kinematics
+from motions.skin import Skin
 from skeleton.capsules import Capsule, body_capsules
+from skeleton.clip_model import ClipModel, constant_offsets
 from skeleton.known_robots import RobotSource, find_urdf, known_roles, package_folders
 from skeleton.rest import FRAME_ROLES, RestPose, mean_rotations, missing_roles
 from skeleton.robot_motion import RobotMotion
@@ -32,9 +35,6 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-_STILL = 1e-12
-"""Joint positions that vary by less [m] are constant: rounding, far below the 1e-9 m that poses are good for."""
-
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
@@ -43,7 +43,7 @@ class Skeleton:
     A robot's bones are its joints, and whatever is fixed to them by fixed joints.
 
     Attributes:
-        model: the Pinocchio model.
+        name: what it is called, as its model is.
         bones: names of the B bones, parents first.
         parents: index of each bone's parent, -1 for none, shape (B,).
         carriers: which joint of the model carries each bone, and where.
@@ -53,9 +53,10 @@ class Skeleton:
         decisions: what had to be decided about a robot's files, a sentence each.
         mimics: joints of a robot that follow others.
         links: the bone that each of a robot's links is on, by the link's name.
+        skin: the mesh that the bones of a clip's body carry; None for none.
     """
 
-    model: "pinocchio.Model"
+    name: str
     bones: tuple[str, ...]
     parents: NDArray[np.int64]
     carriers: Carriers
@@ -65,13 +66,24 @@ class Skeleton:
     decisions: tuple[str, ...] = ()
     mimics: tuple[Mimic, ...] = ()
     links: Mapping[str, str] = field(default_factory=dict)
+    skin: Skin | None = None
+    _made: "pinocchio.Model | ClipModel | None" = field(default=None, repr=False)
+
+    @cached_property
+    def model(self) -> "pinocchio.Model":
+        """The Pinocchio model.
+
+        Raises:
+            UserError: Pinocchio isn't installed.
+        """
+        return self._made.build() if isinstance(self._made, ClipModel) else self._made
 
     @staticmethod
     def from_clip(clip: Clip, *, roles: Mapping[str, str] | None = None) -> "Skeleton":
-        """The body that a clip moves: a free-flying root, and a ball joint for every other joint.
+        """The body that a clip moves; as a model it has a free-flying root, and a ball joint for every other joint.
 
         A joint whose position in its parent's frame varies over the clip is free-flying too. End sites become
-        operational frames named after their joint.
+        operational frames named after their joint. None of it takes Pinocchio but the model itself.
 
         Args:
             clip: any motion of the body; all of its frames serve to find a typical pose.
@@ -98,7 +110,17 @@ class Skeleton:
         )
         carriers = Carriers.of_joints(len(clip.joints))
         decisions = (*decisions, *_on_legs(rest))
-        return Skeleton(_model_of_clip(clip), rest.bones, rest.parents, carriers, found, rest, decisions=decisions)
+        return Skeleton(
+            clip.name,
+            rest.bones,
+            rest.parents,
+            carriers,
+            found,
+            rest,
+            decisions=decisions,
+            skin=clip.skin,
+            _made=ClipModel.of(clip),
+        )
 
     @staticmethod
     def from_urdf(
@@ -124,7 +146,9 @@ class Skeleton:
         Raises:
             UnknownNameError: no robot of that name, no such axis, or an override's role or joint doesn't exist.
             FileError: the file is missing or Pinocchio can't read it.
+            UserError: Pinocchio isn't installed.
         """
+        require_package("pinocchio", "a robot")
         path = find_urdf(path_or_name, package_dirs)
         robot = read_urdf(path)
         model = model_of_urdf(path, floating_base=floating_base)
@@ -136,7 +160,7 @@ class Skeleton:
         _stand_up(model, chosen)
         rest = _robot_rest(model, bones, mimics, found)
         return Skeleton(
-            model,
+            model.name,
             bones.names,
             bones.parents,
             bones.carriers,
@@ -146,6 +170,7 @@ class Skeleton:
             (*decisions, *unfollowed, *_on_legs(rest)),
             mimics,
             bones.links,
+            _made=model,
         )
 
     @property
@@ -264,8 +289,8 @@ class Skeleton:
                 f"its joints: {', '.join(clip.joints)}"
             )
         order = [clip.joints.index(bone) for bone in self.bones]
-        moving = np.isnan(_constant_offsets(clip)[order]).any(axis=1)
-        free = np.array(self.model.nqs.tolist()[1:]) == 7
+        moving = np.isnan(constant_offsets(clip)[order]).any(axis=1)
+        free = self._made.free if isinstance(self._made, ClipModel) else np.ones(len(order), dtype=bool)
         if stray := [bone for bone, is_stray in zip(self.bones, moving & ~free, strict=True) if is_stray]:
             raise ValueRangeError(
                 f"in the clip {clip.name!r} these joints change their place, in the clip that this body was made from "
@@ -291,7 +316,7 @@ class Skeleton:
 
 def _roles_of_clip(clip: Clip, given: Mapping[str, str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
     """The joint that plays each role, by names, and where these don't tell of limbs by the shape of the body."""
-    named = find_roles(clip.joints, clip.parents.tolist(), given)
+    named = find_roles(clip.joints, clip.parents.tolist(), {**clip.roles, **(given or {})})
     if all(f"{side}_{limb}" in named for side in SIDES for limb in ("upper_arm", "thigh")):
         return named, ()
     few = clip.sampled()
@@ -352,32 +377,6 @@ def _stand_up(model: "pinocchio.Model", up: str) -> None:
     for joint in range(1, model.njoints):
         if model.parents[joint] == 0:
             model.jointPlacements[joint] = turn * model.jointPlacements[joint]
-
-
-def _model_of_clip(clip: Clip) -> "pinocchio.Model":
-    """A free-flying joint for the root and for joints that change place, ball joints for the others."""
-    import pinocchio as pin
-
-    offsets = _constant_offsets(clip)
-    model = pin.Model()
-    model.name = clip.name
-    for joint, (name, parent) in enumerate(zip(clip.joints, clip.parents.tolist(), strict=True)):
-        free = parent < 0 or np.isnan(offsets[joint]).any()
-        kind = pin.JointModelFreeFlyer() if free else pin.JointModelSpherical()
-        placement = pin.SE3.Identity() if free else pin.SE3(np.eye(3), offsets[joint])
-        model.addJoint(parent + 1, kind, placement, name)
-    for number, (joint, offset) in enumerate(zip(clip.end_parents.tolist(), clip.end_offsets, strict=True)):
-        end = pin.Frame(f"{clip.joints[joint]} end {number}", joint + 1, pin.SE3(np.eye(3), offset), pin.OP_FRAME)
-        model.addFrame(end)
-    return model
-
-
-def _constant_offsets(clip: Clip) -> FloatArray:
-    """Position of each joint in its parent's frame [m], shape (J, 3); NaN for a joint whose position varies."""
-    if clip.local_positions is None:
-        return clip.offsets
-    varies = np.ptp(clip.local_positions, axis=0).max(axis=1) > _STILL
-    return np.where(varies[:, None], np.nan, clip.local_positions[0])
 
 
 def _times_of(frames: int, fps: float | None, times: ArrayLike | None) -> FloatArray:

@@ -6,6 +6,7 @@ from cape.cli.reading import MOST_FPS, Reading
 from cape.kernels import store
 from motions.errors import FileError, UserError
 from motions.files import require_file
+from motions.skin import Skin
 from skeleton import (
     BoneTrack,
     Hitboxes,
@@ -35,6 +36,7 @@ class Character:
         track: the motion of all of its bones.
         hitboxes: solids around its limbs, and why there are no others.
         surfaces: what a robot looks like; none for the body of a clip.
+        skin: the character's own mesh, where it came with the motion.
         retargeted: how well a robot follows a clip.
         decisions: what had to be decided, a sentence each.
     """
@@ -44,6 +46,7 @@ class Character:
     track: BoneTrack
     hitboxes: Hitboxes
     surfaces: tuple[LinkSurface, ...] = ()
+    skin: Skin | None = None
     retargeted: Retargeted | None = None
     decisions: tuple[str, ...] = ()
 
@@ -53,8 +56,8 @@ def read_character(reading: Reading, *, hitboxes: str | None = None) -> Characte
 
     Args:
         reading: what to read.
-        hitboxes: "limbs" or "all" of a robot, "body" for human proportions, or a TOML file; None for "limbs" where
-            there is a robot, "body" where there is none.
+        hitboxes: "limbs" or "all" of what has a mesh, "body" for human proportions, or a TOML file; None for "limbs"
+            where there is a robot or a character's own mesh, "body" where there is neither.
 
     Raises:
         UserError: a file can't be read, or things don't fit each other.
@@ -62,7 +65,7 @@ def read_character(reading: Reading, *, hitboxes: str | None = None) -> Characte
     if reading.skeleton is None:
         clip = reading.load()
         body = reading.body(clip)
-        solids = find_hitboxes(body, hitboxes or BY_PROPORTIONS)
+        solids = find_hitboxes(body, hitboxes or usual_hitboxes(body))
         return _character(clip.name, body, body.track(clip), solids, (*clip.decisions, *body.decisions))
     # A robot's meshes, and hitboxes fitted to them, take seconds: whatever is wrong with the motion is told before.
     if (path := reading.configuration_file) is not None:
@@ -100,7 +103,12 @@ def _character(
             decisions = (*decisions, *missing_meshes(body, "visual"))
         except FileError as error:
             decisions = (*decisions, f"not drawn: {error}")
-    return Character(name, body, track, hitboxes, surfaces, retargeted, (*decisions, *hitboxes.decisions))
+    return Character(name, body, track, hitboxes, surfaces, body.skin, retargeted, (*decisions, *hitboxes.decisions))
+
+
+def usual_hitboxes(body: Skeleton) -> str:
+    """How hitboxes are made where nothing is asked for: fitted to a mesh, where there is one."""
+    return "limbs" if body.is_robot or body.skin is not None else BY_PROPORTIONS
 
 
 def find_hitboxes(body: Skeleton, asked: str) -> Hitboxes:
@@ -110,10 +118,12 @@ def find_hitboxes(body: Skeleton, asked: str) -> Hitboxes:
         UserError: there is no such way to make them, or it doesn't suit the body.
     """
     if asked == BY_PROPORTIONS:
-        return Hitboxes(body.model.name, body.capsules(), body.capsules_left_out())
+        return Hitboxes(body.name, body.capsules(), body.capsules_left_out())
     if asked in FITTED:
-        if not body.is_robot:
-            raise UserError(f"--hitboxes {asked} needs a robot, whose links have surfaces: name it by --skeleton")
+        if not body.is_robot and body.skin is None:
+            raise UserError(
+                f"--hitboxes {asked} needs a robot, whose links have surfaces: name it by --skeleton, or take a GLB"
+            )
         which = "all" if asked == "all" else "limbs"
         place = store.folder()
         return hitboxes_of(body, which=which) if place is None else kept_hitboxes_of(body, place, which=which)

@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from cape.cli.commands.replay import Cut
     from cape.cli.reading import Reading
 
-CLIP_HELP = "A BVH file, the name of a shipped clip (cape clips lists them), or a robot's motion (CSV, NPZ)."
+CLIP_HELP = (
+    "A BVH file, a character (GLB, glTF, VRM), the name of a shipped clip (cape clips lists them), or a robot's motion "
+    "(CSV, NPZ)."
+)
 Clip = Annotated[str | None, typer.Argument(help=CLIP_HELP, show_default=False), MayBeFile()]
 Script = Annotated[
     str | None,
@@ -54,13 +57,17 @@ Rate = Annotated[
 Packages = Annotated[
     list[Path] | None, typer.Option(help="A folder with packages that a URDF file names; may be repeated.")
 ]
+Animation = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Which of a GLB's animations; by default the first that moves the character."),
+]
 Hitboxes = Annotated[
     str | None,
     typer.Option(
         "--hitboxes",
         metavar="WHICH",
-        help="Of a robot: limbs (the default) or all, fitted to its meshes. Of anyone: body, by human proportions, "
-        "or a TOML file.",
+        help="Of a robot or a GLB: limbs (the default) or all, fitted to its meshes. Of anyone: body, by human "
+        "proportions, or a TOML file.",
     ),
     MayBeFile(),
 ]
@@ -162,6 +169,7 @@ def motion(
     attach: Attach = None,
     rate: Rate = None,
     packages: Packages = None,
+    animation: Animation = None,
     verbose: Verbose = False,
 ) -> "Reading":
     """The motion, who makes it, and how to read both."""
@@ -182,6 +190,7 @@ def motion(
         skeleton=robot,
         rate=rate,
         packages=tuple(packages or ()),
+        animation=animation,
     )
 
 

@@ -29,6 +29,7 @@ class Reading:
     skeleton: str | None = None
     rate: float | None = None
     packages: tuple[Path, ...] = ()
+    animation: str | None = None
 
     @property
     def configuration_file(self) -> Path | None:
@@ -81,7 +82,15 @@ class Reading:
         return motions.MotionGraph(list(clips.values())).play(steps)
 
     def _read(self, clip: str, name: str | None = None) -> motions.Clip:
-        return motions.load(clip, unit=_unit(self.unit), up=self.up, height=self.height, name=name, rate=self.rate)
+        return motions.load(
+            clip,
+            unit=_unit(self.unit),
+            up=self.up,
+            height=self.height,
+            name=name,
+            rate=self.rate,
+            animation=self.animation,
+        )
 
     def load(self) -> motions.Clip:
         """Read, trim and resample the clip.

@@ -11,6 +11,7 @@ from cape.scene.scene import Scene
 from cape.scene.self_contact import SelfContact
 from cape.scenes.registry import NamedScene
 from motions.errors import UserError, ValueRangeError
+from motions.skin import Skin
 from skeleton import BoneTrack, LinkSurface, Retargeted
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class Staged:
         track: the bones.
         scene: cloth and all that it meets.
         surfaces: what a robot looks like.
+        skin: what a character with a mesh of its own looks like.
         retargeted: how well a robot follows a clip.
         decisions: what had to be decided, a sentence each.
     """
@@ -42,6 +44,7 @@ class Staged:
     track: BoneTrack
     scene: Scene
     surfaces: tuple[LinkSurface, ...] = ()
+    skin: Skin | None = None
     retargeted: Retargeted | None = None
     decisions: tuple[str, ...] = ()
 
@@ -61,7 +64,7 @@ def staged(reading: Reading, cut: "Cut", *, scene: NamedScene | None = None, hit
     if scene is not None and scene.make is not None:
         return _on_stage(scene, reading, cut, hitboxes)
     who = read_character(reading, hitboxes=hitboxes)
-    return Staged(who.name, who.track, cut.scene(who), who.surfaces, who.retargeted, who.decisions)
+    return Staged(who.name, who.track, cut.scene(who), who.surfaces, who.skin, who.retargeted, who.decisions)
 
 
 def _on_stage(named: NamedScene, reading: Reading, cut: "Cut", hitboxes: str | None) -> Staged:

@@ -10,6 +10,7 @@ What is in a recording, by entity path (an interface: scripts may rely on it):
 | robot | `/world/robot/<bone>/<name>` | Mesh3D | | everything: a mesh of the link that the bone carries |
 | body | `/world/body/<bone>` | Transform3D | where the bone is | |
 | body | `/world/body/<bone>/<name>` | Mesh3D | | everything: a part of the body, where no robot is drawn |
+| body | `/world/body/<piece>` | Mesh3D | vertex positions, normals | triangles, colours: of a character's own mesh |
 | skeleton | `/world/skeleton` | LineStrips3D | a strip from each bone's parent to the bone | radius, colour |
 | hitboxes | `/world/hitboxes` | Capsules3D | translations, quaternions | lengths, radii, colours, labels |
 | hitboxes | `/world/colliders/<name>` | Boxes3D, Ellipsoids3D | centre, quaternion, if a bone carries it | the rest |
@@ -43,6 +44,6 @@ these, translucent and with their names, with shells and contacts, and a cape to
 """
 
 from cape.record.layers import LAYERS
-from cape.record.write import save, save_hitboxes
+from cape.record.write import require_viewer, save, save_hitboxes
 
-__all__ = ["LAYERS", "save", "save_hitboxes"]
+__all__ = ["LAYERS", "require_viewer", "save", "save_hitboxes"]

@@ -33,6 +33,7 @@ def layout(
     tab: str = "cape",
     linings: Mapping[str, Color | None] | None = None,
     notes: str | None = None,
+    skinned: bool = False,
 ) -> rrb.Blueprint:
     """A view that follows the figure from behind, a second one for debugging contact a tab away, the curves below.
 
@@ -46,11 +47,12 @@ def layout(
         tab: "cape" or "hitboxes", which of the two is in front.
         linings: colours of the cloths' insides by the cloths' paths, None for that of the outside; None for no cloth.
         notes: path of an entity with text to read beside the curves; None for none.
+        skinned: whether the body is a mesh of the character's own.
     """
     import rerun.blueprint as rrb
 
     linings = linings or {}
-    scene = _scene(layers, height, colliders, tab, linings)
+    scene = _scene(layers, height, colliders, tab, linings, skinned=skinned)
     time = rrb.TimePanel(timeline="time", state="collapsed", play_state="playing", loop_mode="all")
     if "plots" not in layers:
         return rrb.Blueprint(scene, time, collapse_panels=True)
@@ -71,7 +73,13 @@ def layout(
 
 
 def _scene(
-    layers: Collection[str], height: float, colliders: Sequence[Collider], tab: str, linings: Mapping[str, Color | None]
+    layers: Collection[str],
+    height: float,
+    colliders: Sequence[Collider],
+    tab: str,
+    linings: Mapping[str, Color | None],
+    *,
+    skinned: bool,
 ) -> rrb.View | rrb.Container:
     import rerun.blueprint as rrb
 
@@ -81,7 +89,7 @@ def _scene(
     if not debugging:
         return _view("cape", height, overrides=_two_sided(linings))
     hidden = ["/world/shells", "/world/contacts", *plane_paths(colliders)]
-    if "robot" in layers:
+    if "robot" in layers or skinned:
         figure = _unseen("/world/hitboxes", "/world/colliders", "/world/skeleton")
     elif "body" in layers:
         figure = _unseen("/world/hitboxes") | _body_lines()
@@ -90,7 +98,7 @@ def _scene(
     see_through = labelled(colliders) | _two_sided(linings, SEE_THROUGH)
     return rrb.Tabs(
         _view("cape", height, overrides=_two_sided(linings) | figure, hidden=hidden),
-        _view("hitboxes", height, overrides=see_through, hidden=[BODY], dark=True),
+        _view("hitboxes", height, overrides=see_through, hidden=[] if skinned else [BODY], dark=True),
         active_tab=tab,
     )
 

@@ -16,6 +16,7 @@ from cape.record.worn import ClothEntity, entities_of
 from cape.record.write import finite_frames, log_cloth, log_figure, with_surfaces
 from cape.results.take import Take
 from cape.scene.scene import Scene
+from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
 
@@ -40,6 +41,7 @@ class GrowingRecording:
         *,
         left_out: Collection[str] = (),
         surfaces: Sequence[LinkSurface] = (),
+        skin: Skin | None = None,
         notes: str | None = None,
     ) -> None:
         """Send the whole motion with its colliders and its ground.
@@ -50,6 +52,7 @@ class GrowingRecording:
             track: the motion.
             left_out: names of colliders that the cloth can't reach.
             surfaces: meshes that the bones carry.
+            skin: mesh that the bones move.
             notes: path of an entity with text, that the layout is to show; None for none.
 
         Raises:
@@ -60,11 +63,15 @@ class GrowingRecording:
         self._cloth: ClothEntity | None = None
         frames = finite_frames("the motion", track)
         colliders = drawable(scene.colliders)
-        height = figure_height(track, frames, surfaces)
+        height = figure_height(track, frames, surfaces, skin)
         linings = {cloth.path: cloth.look.lining for cloth in entities_of([("cape", scene.cloth)])}
-        self.blueprint: rrb.Blueprint = layout(self._asked, height, colliders, linings=linings, notes=notes)
+        self.blueprint: rrb.Blueprint = layout(
+            self._asked, height, colliders, linings=linings, notes=notes, skinned=skin is not None
+        )
         thicknesses = [scene.thickness if c.thickness is None else c.thickness for c in colliders]
-        log_figure(stream, self._asked, track, colliders, thicknesses, frames, left_out=left_out, surfaces=surfaces)
+        log_figure(
+            stream, self._asked, track, colliders, thicknesses, frames, left_out=left_out, surfaces=surfaces, skin=skin
+        )
 
     def add(self, take: Take) -> None:
         """Send those of a take's frames that are new; one with a position that isn't finite is left out."""

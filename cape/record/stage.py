@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.record.figure.skin import skin_height
 from cape.record.frames import Frames, send_once
 from cape.record.layers import drawn_links
+from cape.record.surfaces.light import linear, srgb
 from cape.scene.colliders import Collider, Plane
 from cape.scene.floor import floor_under
 from cape.scene.loops import Travel
 from motions import quaternions
+from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
 
@@ -94,8 +97,12 @@ def skeleton_height(bones: BoneTrack, frames: Frames) -> float:
     return float(np.median(np.ptp(heights, axis=1))) or 1.0
 
 
-def figure_height(bones: BoneTrack, frames: Frames, surfaces: Sequence[LinkSurface] = ()) -> float:
+def figure_height(
+    bones: BoneTrack, frames: Frames, surfaces: Sequence[LinkSurface] = (), skin: Skin | None = None
+) -> float:
     """Height of what there is to see [m]: of the skeleton, or of the meshes that it carries in the first frame."""
+    if skin is not None:
+        return max(skeleton_height(bones, frames), skin_height(bones, skin, int(frames.numbers[0])))
     carried = [surface for surface in surfaces if surface.bone is not None]
     if not carried:
         return skeleton_height(bones, frames)
@@ -141,19 +148,9 @@ def darkened_floor() -> dict[Any, Any]:
     import rerun as rr
 
     # Colours are multiplied as light, not as the numbers of sRGB.
-    light, dark = (_linear(np.array(color) / 255.0) for color in (BACKGROUND, DARK_BACKGROUND))
-    factor = (*(np.rint(255.0 * _srgb(dark / light)).astype(int)), 255)
+    light, dark = (linear(np.array(color) / 255.0) for color in (BACKGROUND, DARK_BACKGROUND))
+    factor = (*(np.rint(255.0 * srgb(dark / light)).astype(int)), 255)
     return {"/world/floor": [rr.Mesh3D.from_fields(albedo_factor=factor).visualizer()]}
-
-
-def _linear(srgb: FloatArray) -> FloatArray:
-    """Light of sRGB values, both 0 to 1, by IEC 61966-2-1."""
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-
-
-def _srgb(linear: FloatArray) -> FloatArray:
-    """The inverse of `_linear`."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def ground(

@@ -16,6 +16,7 @@ from cape.record.contacts import BYTES_PER_CONTACT, log_contacts
 from cape.record.figure.body import log_body
 from cape.record.figure.clasp import log_clasp
 from cape.record.figure.robot import log_robot
+from cape.record.figure.skin import log_skin
 from cape.record.file import recording_file
 from cape.record.frames import Frames
 from cape.record.layers import check_layers, log_cape, log_plots, log_skeleton
@@ -27,7 +28,8 @@ from cape.results.take import Take
 from cape.scene.colliders import Collider
 from cape.scene.loops import Travel
 from cape.scene.scene import Scene
-from motions.errors import ValueRangeError
+from motions.errors import ValueRangeError, require_package
+from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
 
@@ -44,6 +46,7 @@ def save(
     *,
     layers: Iterable[str] | None = None,
     surfaces: Sequence[LinkSurface] = (),
+    skin: Skin | None = None,
     tab: str = "cape",
 ) -> None:
     """Write a take, or several of one motion, as a recording for the Rerun viewer.
@@ -57,25 +60,30 @@ def save(
         path: the recording, by custom with the suffix .rrd.
         layers: which of `LAYERS` to write, None for all.
         surfaces: meshes that the bones carry, such as a robot's `skeleton.link_surfaces(body, "visual")`.
+        skin: mesh that the bones move, such as `clip.skin`, drawn in place of a body by proportions.
         tab: "cape" or "hitboxes", which of the two the viewer shows first.
 
     Raises:
+        MissingPackageError: rerun-sdk isn't installed.
         UnknownNameError: a layer, or a bone that a collider names, doesn't exist.
         ValueRangeError: no frame is finite, or the takes share a name or differ in their bones' motion.
         FileError: the file can't be written.
     """
+    require_viewer()
     asked = with_surfaces(check_layers(layers), surfaces)
     worn = worn_of([part for one in ([take] if isinstance(take, Take) else take) for part in takes_apart(one)])
     frames = finite_frames(worn.name, worn.bones, worn.positions)
     size = OVERHEAD + (2 * sum(each.nbytes for each in worn.positions) if "cape" in asked else 0)
     if "contacts" in asked:
         size += BYTES_PER_CONTACT * sum(len(one.contacts.points) for one in worn.takes if one.contacts is not None)
-    height = figure_height(worn.bones, frames, surfaces if "robot" in asked else ())
+    skin = skin if "body" in asked else None
+    size += _size(skin, len(frames.numbers))
+    height = figure_height(worn.bones, frames, surfaces if "robot" in asked else (), skin)
     linings = {
         cloth.path: None if one.cloth is not None and one.cloth.textures is not None else cloth.look.lining
         for one, cloth in zip(worn.takes, worn.cloths, strict=True)
     }
-    blueprint = layout(asked, height, worn.colliders, tab=tab, linings=linings)
+    blueprint = layout(asked, height, worn.colliders, tab=tab, linings=linings, skinned=skin is not None)
     # The viewer keeps a layout for each application.
     application = " ".join(["cape"] + ([tab] if tab != "cape" else []) + (["cloths"] if len(worn.takes) > 1 else []))
     with recording_file(path, application=application, name=worn.name, blueprint=blueprint, size=size) as stream:
@@ -83,7 +91,7 @@ def save(
             log_cloth(stream, asked, one, cloth, frames)
         log_figure(
             stream, asked, worn.bones, worn.colliders, worn.thicknesses, frames, left_out=worn.left_out,
-            travel=worn.travel, surfaces=surfaces,
+            travel=worn.travel, surfaces=surfaces, skin=skin,
         )  # fmt: skip
 
 
@@ -95,6 +103,7 @@ def save_hitboxes(
     name: str = "hitboxes",
     layers: Iterable[str] | None = None,
     surfaces: Sequence[LinkSurface] = (),
+    skin: Skin | None = None,
     left_out: Collection[str] = (),
     thickness: float = Scene.thickness,
 ) -> None:
@@ -107,21 +116,28 @@ def save_hitboxes(
         name: what the viewer calls the recording.
         layers: which of "robot", "skeleton", "hitboxes", "shells" and "floor" to write, None for all.
         surfaces: meshes that the bones carry, such as a robot's `skeleton.link_surfaces(body, "visual")`.
+        skin: mesh that the bones move, such as `clip.skin`, in the layer "body".
         left_out: names of the colliders to mark as left out.
         thickness: of the colliders that have none of their own [m].
 
     Raises:
+        MissingPackageError: rerun-sdk isn't installed.
         UnknownNameError: a layer, or a bone that a collider names, doesn't exist.
         ValueRangeError: no frame is finite.
         FileError: the file can't be written.
     """
-    asked = with_surfaces(check_layers(layers, BODY_LAYERS), surfaces)
+    require_viewer()
+    asked = with_surfaces(check_layers(layers, BODY_LAYERS if skin is None else (*BODY_LAYERS, "body")), surfaces)
     frames = finite_frames(name, bones)
     colliders = drawable(colliders)
     thicknesses = [thickness if c.thickness is None else c.thickness for c in colliders]
-    blueprint = layout(asked, figure_height(bones, frames, surfaces), colliders, tab="hitboxes")
-    with recording_file(path, application="cape hitboxes", name=name, blueprint=blueprint, size=OVERHEAD) as stream:
-        log_figure(stream, asked, bones, colliders, thicknesses, frames, left_out=left_out, surfaces=surfaces)
+    skin = skin if "body" in asked else None
+    blueprint = layout(asked, figure_height(bones, frames, surfaces, skin), colliders, tab="hitboxes")
+    size = OVERHEAD + _size(skin, len(frames.numbers))
+    with recording_file(path, application="cape hitboxes", name=name, blueprint=blueprint, size=size) as stream:
+        log_figure(
+            stream, asked, bones, colliders, thicknesses, frames, left_out=left_out, surfaces=surfaces, skin=skin
+        )
 
 
 def log_cloth(
@@ -148,6 +164,7 @@ def log_figure(
     left_out: Collection[str] = (),
     travel: Travel | None = None,
     surfaces: Sequence[LinkSurface] = (),
+    skin: Skin | None = None,
 ) -> None:
     """Put what is known before any simulation on its paths: who moves, around what, and on which ground.
 
@@ -161,11 +178,14 @@ def log_figure(
         left_out: names of colliders that no cloth reaches.
         travel: how far the motion gets in a round, where it loops.
         surfaces: meshes that the bones carry.
+        skin: mesh that the bones move, in place of a body.
     """
     log_character(stream, bones, frames, travel)
     if "robot" in asked:
         log_robot(stream, bones, surfaces, frames)
-    if "body" in asked:
+    if "body" in asked and skin is not None:
+        log_skin(stream, bones, skin, frames)
+    elif "body" in asked:
         log_body(stream, bones, colliders, frames)
     if "skeleton" in asked:
         log_skeleton(stream, bones, frames)
@@ -175,6 +195,20 @@ def log_figure(
         log_shells(stream, bones, colliders, thicknesses, frames)
     if "floor" in asked:
         log_floor(stream, bones, colliders, frames, travel)
+
+
+def require_viewer() -> None:
+    """Check that what writes recordings is installed.
+
+    Raises:
+        MissingPackageError: it isn't.
+    """
+    require_package("rerun", "a recording")
+
+
+def _size(skin: Skin | None, frames: int) -> int:
+    """About how many bytes a mesh takes in so many frames: places and normals."""
+    return 0 if skin is None else 24 * skin.vertices * frames
 
 
 def with_surfaces(asked: Sequence[str], surfaces: Sequence[LinkSurface]) -> tuple[str, ...]:

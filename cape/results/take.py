@@ -15,6 +15,7 @@ from cape.results.loop import Loop
 from cape.results.topology import Topology
 from cape.scene.colliders import Collider
 from cape.scene.scene import Scene
+from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack
@@ -146,6 +147,7 @@ class Take:
         *,
         layers: Iterable[str] | None = None,
         surfaces: Sequence[LinkSurface] = (),
+        skin: Skin | None = None,
     ) -> None:
         """Write a recording for the Rerun viewer; `cape.record` documents what is in it.
 
@@ -154,15 +156,17 @@ class Take:
                 complete.
             layers: which of `cape.record.LAYERS` to write, such as "cape" or "hitboxes", None for all.
             surfaces: meshes that the bones carry, such as a robot's `skeleton.link_surfaces(body, "visual")`.
+            skin: mesh that the bones move, such as `clip.skin`, drawn in place of a body by proportions.
 
         Raises:
+            MissingPackageError: rerun-sdk isn't installed.
             UnknownNameError: a layer doesn't exist.
             ValueRangeError: no frame is finite.
             FileError: the file can't be written.
         """
         from cape import record
 
-        record.save(self, path, layers=layers, surfaces=surfaces)
+        record.save(self, path, layers=layers, surfaces=surfaces, skin=skin)
 
     def keep(self, path: str | PathLike[str]) -> None:
         """Write all that the take holds, to be read by `Take.load`; documented in `cape.results.take_file`.

@@ -9,6 +9,7 @@ from motions.errors import FileError
 from motions.gltf.document import Document
 
 KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}  # 3.6.2.2
+INDICES = (5121, 5123, 5125)
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 FloatArray = NDArray[np.float64]
@@ -49,8 +50,10 @@ def _replace(document: Document, sparse: dict[str, Any], values: FloatArray, kin
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= len(values):
         raise FileError(f"{document.label}: {label} replaces {count!r} of {len(values)} elements")
     at = sparse["indices"]
-    places = _elements(document, at, np.dtype(KINDS[at["componentType"]]), 1, count, label).ravel()
-    if places.dtype.kind != "u" or places.max() >= len(values):
+    if at["componentType"] not in INDICES:
+        raise FileError(f"{document.label}: {label} has places that are no whole numbers")
+    places = _elements(document, at, np.dtype(KINDS[at["componentType"]]), 1, count, label).ravel().astype(np.int64)
+    if places.max() >= len(values):
         raise FileError(f"{document.label}: {label} replaces elements that it does not have")
     values[places] = _elements(document, sparse["values"], kind, values.shape[1], count, label)
 

@@ -114,7 +114,7 @@ def channels_of(document: Document, number: int, nodes: Sequence[int]) -> list[C
             raise FileError(f"{document.label}: {what} have {len(times)} times for {len(values)} values of {way}")
         if (np.diff(times) <= 0.0).any():
             # Keys that rounding has put on one time are no reason to refuse a file.
-            times = np.maximum.accumulate(times) + 1e-9 * np.arange(len(times))
+            times = np.maximum.accumulate(times).astype(float) + 1e-9 * np.arange(len(times))
         if path == "rotation":
             values = np.roll(values, 1, axis=1)
             values = values if rows == 3 else unit(values)

@@ -143,7 +143,15 @@ class Gathering:
         rgba, image, places = self._colour(primitive)
         normals, uv = (self._optional(attributes, each, count, kept) for each in ("NORMAL", f"TEXCOORD_{places}"))
         return SkinPiece(
-            name, vertices[kept], normals, triangles, binds[kept], weights[kept], uv, rgba, None if uv is None else image
+            name,
+            vertices[kept],
+            normals,
+            triangles,
+            binds[kept],
+            weights[kept],
+            uv,
+            rgba,
+            None if uv is None else image,
         )
 
     def _influences(

@@ -93,14 +93,18 @@ def _figure(document: Document, rate: float | None, asked: str | None) -> Figure
         stretches = np.concatenate([np.broadcast_to(np.eye(3), stretches[:, :1].shape), stretches], axis=1)
     gathering = Gathering(document, nodes, joint_of, stretches[0])
     skin = gathering.skin([str(joint) for joint in range(len(names))])
+    local, rotations = _in_parents(parents, places, turns)
     recording = Recording(
         joints=tuple(names),
         parents=parents,
+        offsets=local[0].copy(),
         end_parents=np.zeros(0, dtype=np.int64),
         end_offsets=np.zeros((0, 3)),
         fps=fps,
+        moving=np.arange(len(parents)),
+        positions=local,
+        rotations=rotations,
         remarks=tuple([*remarks, *gathering.notes]),
-        **_in_parents(parents, places, turns),
     )
     roles = {role: joint_of[node] for role, node in roles_of_file(document).items() if node in joint_of}
     return Figure(recording, skin, roles)
@@ -181,12 +185,11 @@ def _turn_by_nearest(turns: FloatArray, linear: FloatArray, chosen: Sequence[int
         turns[sound, node] = quaternions.from_matrix(nearest[sound])
 
 
-def _in_parents(parents: NDArray[np.int64], places: FloatArray, turns: FloatArray) -> dict[str, FloatArray]:
-    """Offsets, moving joints, their places and all turns in the frames of their parents."""
+def _in_parents(parents: NDArray[np.int64], places: FloatArray, turns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places (F, J, 3) and turns wxyz (F, J, 4) of the world in the frames of the joints above."""
     local, rotations = places.copy(), quaternions.make_continuous(turns)
     above = np.maximum(parents, 0)
     inverse = quaternions.conjugate(turns[:, above[1:]])
     local[:, 1:] = quaternions.rotate(inverse, places[:, 1:] - places[:, above[1:]])
     rotations[:, 1:] = quaternions.multiply(inverse, turns[:, 1:])
-    moving = np.arange(len(parents))
-    return {"offsets": local[0].copy(), "moving": moving, "positions": local, "rotations": rotations}
+    return local, rotations

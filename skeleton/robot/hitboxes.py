@@ -1,4 +1,4 @@
-"""A robot's hitboxes: solids around its links, fitted to their meshes, and how well they fit."""
+"""Hitboxes of a robot, or of a character with a mesh: solids fitted to its links, and how well they fit."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -111,7 +111,7 @@ def hitboxes_of(
     quantile: float = QUANTILE,
     kind: Kind | None = None,
 ) -> Hitboxes:
-    """Fit solids to the links of a robot.
+    """Fit solids to the links of a robot, or to a character's mesh, of which each bone's part is a link.
 
     A link's collision geometry counts, the visual one where there is none or it stands for nothing. Spheres, boxes and
     capsules of the file are taken as they are. A link that one solid fills badly gets up to three. What is the mirror
@@ -119,9 +119,9 @@ def hitboxes_of(
     proportions of the human body.
 
     Args:
-        body: the robot.
-        which: "limbs" leaves out fingers, and what lies inside of other links' solids in the neutral pose; "all" is
-            everything that has a surface.
+        body: the robot, or the character.
+        which: "limbs" leaves out a robot's fingers, and what lies inside of other links' solids in the neutral pose,
+            and takes a character's fingers for parts of its hands; "all" is everything that has a surface.
         quantile: share of a link's surface that its solids hold, above 0 and up to 1.
         kind: "capsule" or "tapered_capsule" for only these; by default whichever is smaller.
 
@@ -135,18 +135,18 @@ def hitboxes_of(
         raise ValueRangeError(f"a hitbox is a 'capsule' or a 'tapered_capsule', not {kind!r}")
     if not 0.0 < quantile <= 1.0:
         raise ValueRangeError(f"the share of a surface to hold is above 0 and up to 1, got {quantile}")
-    report = find_links(body) if body.is_robot else LinkReport()
+    report = find_links(body, limbs_only=which == "limbs")
     if not report.links:
         return _by_proportions(body, report)
     fit = _Fit(body, report, quantile, kind)
     fit.add_all(limbs_only=which == "limbs")
-    return Hitboxes(body.model.name, tuple(fit.solids), fit.left_out, fit.qualities, tuple(report.decisions))
+    return Hitboxes(body.name, tuple(fit.solids), fit.left_out, fit.qualities, tuple(report.decisions))
 
 
 def _by_proportions(body: Skeleton, report: LinkReport) -> Hitboxes:
     decision = "no link has geometry that makes sense: capsules by the proportions of the human body"
     left_out = {**report.left_out, **body.capsules_left_out()}
-    return Hitboxes(body.model.name, body.capsules(), left_out, {}, (*report.decisions, decision))
+    return Hitboxes(body.name, body.capsules(), left_out, {}, (*report.decisions, decision))
 
 
 class _Fit:

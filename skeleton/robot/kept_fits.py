@@ -1,6 +1,6 @@
 """Fitted hitboxes that are kept on disk: fitting takes seconds, and gives the same for the same robot.
 
-Two files each, named for a digest of all that a fit is made of: the robot's surfaces, bones and roles, the options, the
+Two files each, named for a digest of all that a fit is made of: the body's surfaces, bones and roles, the options, the
 sources of this package, the versions of what it computes with. One holds the solids as `Hitboxes.save` writes them, the
 other what else there is to tell; a file that is not whole, or not there, has the fit done again.
 """
@@ -34,7 +34,7 @@ def kept_hitboxes_of(
     """What `hitboxes_of` gives, taken from a folder where it was left before.
 
     Args:
-        body: the robot.
+        body: the robot, or a character with a mesh.
         folder: where fits are kept; made if it isn't there. One that can't be written keeps nothing.
         which: as for `hitboxes_of`.
         kind: as for `hitboxes_of`.
@@ -89,19 +89,24 @@ def _write(solids: Path, rest: Path, hitboxes: Hitboxes) -> None:
 
 def _name_of(body: Skeleton, which: str, kind: str | None) -> str | None:
     """What a fit goes by; None for a body whose surfaces can't all be read."""
-    if not body.is_robot:
-        return None
     try:
-        surfaces = [*link_surfaces(body, "collision"), *link_surfaces(body, "visual")]
+        surfaces = [*link_surfaces(body, "collision"), *link_surfaces(body, "visual")] if body.is_robot else []
     except FileError:
+        return None
+    pieces = () if body.skin is None else body.skin.pieces
+    if not surfaces and not pieces:
         return None
 
     def parts() -> Iterator[bytes]:
-        yield repr((which, kind, _code(), body.model.name, body.bones, sorted(body.roles.items()))).encode()
+        yield repr((which, kind, _code(), body.name, body.bones, sorted(body.roles.items()))).encode()
         yield from map(_bytes, (body.parents, body.rest.positions, body.rest.rotations_wxyz))
         for surface in surfaces:
             yield repr((surface.name, surface.link, surface.bone, type(surface.primitive))).encode()
             yield from map(_bytes, (surface.vertices, surface.triangles))
+        if body.skin is not None:
+            yield repr(body.skin.bones).encode() + _bytes(body.skin.binds)
+        for piece in pieces:
+            yield from map(_bytes, (piece.vertices, piece.triangles, piece.binds, piece.weights))
 
     return f"hitboxes-{_digest(parts())[:32]}"
 
@@ -110,8 +115,15 @@ def _name_of(body: Skeleton, which: str, kind: str | None) -> str | None:
 def _code() -> tuple[str, ...]:
     """What computes a fit: sources, versions."""
     sources = [path.read_bytes() for path in sorted(_PACKAGE.rglob("*.py"))]
-    versions = (f"{name} {importlib.metadata.version(name)}" for name in _COMPUTED_WITH)
+    versions = (f"{name} {_version(name)}" for name in _COMPUTED_WITH)
     return (_digest([*sources, Path(quaternions.__file__).read_bytes()]), *versions)
+
+
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "missing"  # coal, where no robot is read
 
 
 def _bytes(array: Any) -> bytes:

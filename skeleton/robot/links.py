@@ -1,4 +1,7 @@
-"""The links of a robot as points on their surfaces: the geometry that stands for each, and the role that it plays."""
+"""The links of a body as points on their surfaces: the geometry that stands for each, and the role that it plays.
+
+A robot's links are those of its file. Of a character with a mesh it is what of that follows each bone.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,6 +16,7 @@ from skeleton.rest import NEXT_ROLE
 from skeleton.robot.capsule_fitting import hull_volume, surface_points
 from skeleton.robot.link_surfaces import Kind, LinkSurface, link_surfaces
 from skeleton.shapes import Box, Capsule, Sphere
+from skeleton.skinned.surfaces import bone_surfaces, joined
 
 FloatArray = NDArray[np.float64]
 
@@ -72,13 +76,20 @@ class LinkReport:
     decisions: list[str] = field(default_factory=list)
 
 
-def find_links(body: Skeleton) -> LinkReport:
-    """All links of a robot that have a surface: their collision geometry, the visual one where that stands for nothing.
+def find_links(body: Skeleton, *, limbs_only: bool = False) -> LinkReport:
+    """All links of a body that have a surface: their collision geometry, the visual one where that stands for nothing.
+
+    Args:
+        body: a robot, a character with a mesh, or a body without either, which has no links.
+        limbs_only: whether fingers, and other small bones of a character, count as parts of their limbs.
 
     Raises:
         FileError: neither the collision nor the visual meshes can be read.
     """
     report = LinkReport()
+    if not body.is_robot:
+        report.links = _with_roles(body, _links_of_skin(body, limbs_only=limbs_only))
+        return report
     pieces = _all_pieces(body, report)
     height = body_height(body)
     for name in dict.fromkeys(piece.link for kind in pieces.values() for piece in kind):
@@ -111,6 +122,21 @@ def in_neutral_pose(body: Skeleton, bone: str | None, points: FloatArray) -> Flo
         return points
     index = body.bones.index(bone)
     return body.rest.positions[index] + quaternions.rotate(body.rest.rotations_wxyz[index], points)
+
+
+def _links_of_skin(body: Skeleton, *, limbs_only: bool) -> list[Link]:
+    """What of a character's mesh follows each bone; none of a body without a mesh."""
+    if body.skin is None:
+        return []
+    surfaces = bone_surfaces(body.skin, body.bones)
+    if limbs_only:
+        surfaces = joined(surfaces, body.rest, _segments(body))
+    links = []
+    for surface in surfaces:
+        if np.ptp(surface.vertices, axis=0).any():
+            points, areas = surface_points(surface.vertices, surface.triangles)
+            links.append(Link(surface.bone, surface.bone, "visual", points, areas, hull_volume(points)))
+    return links
 
 
 def _all_pieces(body: Skeleton, report: LinkReport) -> dict[Kind, tuple[LinkSurface, ...]]:

@@ -58,7 +58,9 @@ class Glb:
         at = np.flatnonzero((array != start).any(axis=1))
         sparse = gl.Sparse(
             count=len(at),
-            indices=gl.AccessorSparseIndices(bufferView=self.view(at.astype("<u2").tobytes()), componentType=KINDS["u2"]),
+            indices=gl.AccessorSparseIndices(
+                bufferView=self.view(at.astype("<u2").tobytes()), componentType=KINDS["u2"]
+            ),
             values=gl.AccessorSparseValues(bufferView=self.view(array[at].tobytes())),
         )
         view = None if base is None else self.view(start.tobytes())
@@ -76,7 +78,7 @@ class Glb:
         self.top.animations.append(animation)
 
     def write(self, path: Path) -> Path:
-        """As .glb (or .vrm), or as .gltf with its bytes in itself, or in `hero.bin` where the stem ends with "apart"."""
+        """As .glb (or .vrm), or as .gltf with its bytes in itself, or beside it where the stem ends with "apart"."""
         self.top.buffers = [gl.Buffer(byteLength=len(self.blob))]
         if path.suffix != ".gltf":
             self.top.set_binary_blob(self.blob)
@@ -163,7 +165,10 @@ def _tube(
         + AROUND * ring
         for ring in range(RINGS - 1)
     ]
-    caps = [np.stack([0 * k[1:-1], k[2:], k[1:-1]], 1), np.stack([0 * k[1:-1], k[1:-1], k[2:]], 1) + (RINGS - 1) * AROUND]
+    caps = [
+        np.stack([0 * k[1:-1], k[2:], k[1:-1]], 1),
+        np.stack([0 * k[1:-1], k[1:-1], k[2:]], 1) + (RINGS - 1) * AROUND,
+    ]
     return vertices.reshape(-1, 3), normals.reshape(-1, 3), joints, weights, np.concatenate([*rings, *caps])
 
 

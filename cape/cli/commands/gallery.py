@@ -65,7 +65,7 @@ def _shown(costume: Costume, clip: str, who: Character, output: Path, recording:
         take = _simulated(costume, who)
     except UserError as error:
         return Shown(f"{clip}: {error}")
-    take.save(recording, layers=LAYERS, surfaces=who.surfaces)
+    take.save(recording, layers=LAYERS, surfaces=who.surfaces, skin=who.skin)
     with ended_in_order(), viewer(SIZE) as shown:
         shown.open(recording)
         times = [shown.begin + share * (shown.end - shown.begin) for share in MOMENTS]

@@ -35,14 +35,20 @@ def run(
         colliders, reach, notes = _bare(who)
         left_out = {} if reach is None else reach.left_out
         record.save_hitboxes(
-            who.track, colliders, path, name=f"{who.name} hitboxes", surfaces=who.surfaces, left_out=left_out
+            who.track,
+            colliders,
+            path,
+            name=f"{who.name} hitboxes",
+            surfaces=who.surfaces,
+            skin=who.skin,
+            left_out=left_out,
         )
         rows = [(c.name, _text(c, reach)) for c in colliders]
     else:
         scene = dress(who.body, who.track, colliders=who.hitboxes.solids)
         reach = reach_of(scene, who.track)
         take = simulated(scene, who)
-        record.save(take, path, surfaces=who.surfaces, tab="hitboxes")
+        record.save(take, path, surfaces=who.surfaces, skin=who.skin, tab="hitboxes")
         touched = _touched(take)
         rows = [(c.name, f"{_text(c, reach)}; {touched[c.name]}") for c in take.colliders]
         notes = [("result", take.result), *(("", warning) for warning in gathered(take.warnings))]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import motions
-from cape.cli.character import BY_PROPORTIONS, find_hitboxes, read_character
+from cape.cli.character import find_hitboxes, read_character, usual_hitboxes
 from cape.cli.figures.retargeting import retarget_facts, retarget_rows
 from cape.cli.figures.rows import print_rows
 from cape.cli.reading import Reading
@@ -92,7 +92,7 @@ def _robot_alone(reading: Reading) -> _Subject | None:
     robot = reading.robot(name)
     fixed = int(robot.carriers.fixed.sum())
     rows = [
-        ("robot", robot.model.name),
+        ("robot", robot.name),
         ("joints", f"{len(robot.bones) - fixed}, a configuration has {robot.model.nq} numbers"),
         *([("fixed", f"{fixed} more bones, which are fixed to those")] if fixed else []),
         *([("mimics", f"{len(robot.mimics)} joints follow others")] if robot.mimics else []),
@@ -106,11 +106,12 @@ def _subject(reading: Reading, hitboxes: str | None) -> _Subject:
     if reading.skeleton is None:
         clip = reading.load_as_is()
         body = reading.body(clip)
-        solids = find_hitboxes(body, hitboxes or BY_PROPORTIONS)
+        solids = find_hitboxes(body, hitboxes or usual_hitboxes(body))
         rows = [
             ("clip", clip.name),
             ("motion", f"{clip.frames} frames at {clip.fps:g} fps, {clip.duration:.2f} s"),
             ("joints", f"{len(clip.joints)} and {len(clip.end_parents)} end sites, root {clip.joints[0]!r}"),
+            *_skin_rows(clip),
         ]
         track = body.track(clip) if clip.frames > 1 else None
         return _Subject(
@@ -127,10 +128,20 @@ def _subject(reading: Reading, hitboxes: str | None) -> _Subject:
     track, solids = who.track, who.hitboxes
     rows = [
         ("motion", f"{who.name}: {track.frames} frames at {track.fps:g} fps, {track.times[-1] - track.times[0]:.2f} s"),
-        ("robot", who.body.model.name),
+        ("robot", who.body.name),
         *([] if who.retargeted is None else retarget_rows(retarget_facts(who.retargeted))),
     ]
     return _Subject(rows, who.body, who.body.bones, track, solids.solids, solids.left_out, who.decisions, human=False)
+
+
+def _skin_rows(clip: motions.Clip) -> list[tuple[str, str]]:
+    """Tell of the mesh that comes with a motion."""
+    if (skin := clip.skin) is None:
+        return []
+    pieces = ", ".join(piece.name for piece in skin.pieces)
+    return [
+        ("mesh", f"{skin.vertices} vertices, {skin.triangles} triangles on {len(set(skin.bones))} joints: {pieces}")
+    ]
 
 
 def _findings(subject: _Subject) -> list[Finding]:

@@ -116,7 +116,7 @@ def _replay(reading: Reading, cut: Cut, path: Path, hitboxes: str | None) -> boo
     """Simulate and record; False where that was interrupted."""
     who = read_character(reading, hitboxes=hitboxes)
     take = simulated(cut.scene(who), who, solver=cut.method(), cuts=cut.way_at_cuts(), loop=cut.loop)
-    take.save(path, surfaces=who.surfaces)
+    take.save(path, surfaces=who.surfaces, skin=who.skin)
     print_rows([("result", take.result), *(("", warning) for warning in gathered(take.warnings))])
     return not take.result.startswith("stopped")
 

@@ -211,13 +211,12 @@ def run(
     json: bool,
 ) -> int:
     """Simulate, record, report; gives the exit status."""
-    if output is not None:
-        require_writable(output, recorded_only={"--layers": layers is not None, "--spawn": spawn})
+    require_writable(output or Path("x.rrd"), recorded_only={"--layers": layers is not None, "--spawn": spawn})
     who, path = prepared(reading, cut, scene=scene, output=output, hitboxes=hitboxes, layers=layers, tab=tab)
     take = simulated(who.scene, who, solver=cut.method(), cuts=cut.way_at_cuts(), check_steps=check, loop=cut.loop)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        kind = write(take, path, layers=layers, surfaces=who.surfaces, tab=tab)
+        kind = write(take, path, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab)
     notes = [*take.warnings, *(str(w.message) for w in caught if w.category is UserWarning)]
     facts = _facts(take, who.scene, len({who.track.index(bone) for bone in who.scene.bones}), notes, path)
     if len(cut.worn) > 1:

@@ -6,6 +6,7 @@ from pathlib import Path
 from cape import exports, record
 from cape.results.take import Take
 from motions.errors import UserError
+from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
 
 KEPT = ".npz"
@@ -25,13 +26,20 @@ def require_writable(path: Path, *, recorded_only: Mapping[str, bool]) -> None:
     if suffix in exports.FORMATS:
         exports.format_of(path)
     elif suffix != KEPT:
+        record.require_viewer()
         return
     if given := [option for option, is_given in recorded_only.items() if is_given]:
         raise UserError(f"{' and '.join(given)} is for recordings (.rrd), not for {path.name}")
 
 
 def write(
-    take: Take, path: Path, *, layers: Sequence[str] | None, surfaces: Sequence[LinkSurface], tab: str = "cape"
+    take: Take,
+    path: Path,
+    *,
+    layers: Sequence[str] | None,
+    surfaces: Sequence[LinkSurface],
+    skin: Skin | None = None,
+    tab: str = "cape",
 ) -> str:
     """Write a take as its path's suffix tells, a recording by default; gives what that is, in a word.
 
@@ -45,5 +53,5 @@ def write(
     if suffix in exports.FORMATS:
         take.export(path)
         return "export"
-    record.save(take, path, layers=layers, surfaces=surfaces, tab=tab)
+    record.save(take, path, layers=layers, surfaces=surfaces, skin=skin, tab=tab)
     return "recording"

@@ -1,0 +1,1 @@
+"""Characters with a mesh that their bones move."""
