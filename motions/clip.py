@@ -70,7 +70,7 @@ class Clip:
     local_positions: FloatArray | None = None
     decisions: tuple[str, ...] = field(default=())
     roles: Mapping[str, str] = field(default_factory=dict)
-    skin: Skin | None = None
+    skin: Skin | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         """Copy, check and freeze the arrays."""

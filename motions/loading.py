@@ -132,8 +132,8 @@ _OTHERS = {
     "bpy.ops.wm.read_factory_settings(use_empty=True); bpy.ops.import_scene.fbx(filepath='IN.fbx'); "
     "bpy.ops.export_scene.gltf(filepath='OUT.glb')\"",
     ".dae": "a scene: export its motion as GLB or BVH, from Blender for example",
-    ".c3d": "markers on a skin and no joints: have the program that recorded them, or Blender's or MotionBuilder's "
-    "solver, fit a skeleton, and export that as BVH",
+    ".c3d": "a take of markers, which are no joints: have the program that recorded them, or MotionBuilder, fit a "
+    "skeleton to them, and export that as BVH",
     **dict.fromkeys((".asf", ".amc", ".trc"), "motion capture of another format: convert it to BVH"),
 }
 """What files are that people have motions in and that are not read, by their suffixes."""
@@ -143,12 +143,13 @@ def _find(path: str | PathLike[str]) -> Path:
     """The file that is meant: one that exists, or a shipped clip."""
     found = Path(path)
     try:
-        if found.exists():
-            if (other := _OTHERS.get(found.suffix.lower())) is not None:
-                raise FileError(f"{found} is {other}")
-            return found
+        there = found.exists()
     except (OSError, ValueError) as error:
         raise FileError(f"can't read {str(path)[:200]!r}: {error}") from None
+    if there and (other := _OTHERS.get(found.suffix.lower())) is not None:
+        raise FileError(f"{found} is {other}")
+    if there:
+        return found
     if str(path) in clip_names():
         return clip_path(str(path))
     shipped = f"; shipped clips: {', '.join(clip_names()) or 'none'}" if found.name == found.stem else ""

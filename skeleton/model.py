@@ -66,7 +66,7 @@ class Skeleton:
     decisions: tuple[str, ...] = ()
     mimics: tuple[Mimic, ...] = ()
     links: Mapping[str, str] = field(default_factory=dict)
-    skin: Skin | None = None
+    skin: Skin | None = field(default=None, repr=False)
     _made: "pinocchio.Model | ClipModel | None" = field(default=None, repr=False)
 
     @cached_property

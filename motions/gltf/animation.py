@@ -107,14 +107,14 @@ def channels_of(document: Document, number: int, nodes: Sequence[int]) -> list[C
         if node not in nodes or path not in WIDTHS:
             continue
         sampler, what = animation["samplers"][channel["sampler"]], f"keyframes of node {node}"
-        times = values_of(document, sampler["input"], what=what).ravel()
+        times = values_of(document, sampler["input"], of="SCALAR", what=what).ravel()
         values, way = values_of(document, sampler["output"], what=what), sampler.get("interpolation", "LINEAR")
         rows = 3 if way == "CUBICSPLINE" else 1
         if way not in ("STEP", "LINEAR", "CUBICSPLINE") or values.shape != (rows * len(times), WIDTHS[path]):
             raise FileError(f"{document.label}: {what} have {len(times)} times for {len(values)} values of {way}")
         if (np.diff(times) <= 0.0).any():
             # Keys that rounding has put on one time are no reason to refuse a file.
-            times = np.maximum.accumulate(times).astype(float) + 1e-9 * np.arange(len(times))
+            times = np.asarray(np.maximum.accumulate(times), dtype=np.float64) + 1e-9 * np.arange(len(times))
         if path == "rotation":
             values = np.roll(values, 1, axis=1)
             values = values if rows == 3 else unit(values)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions.errors import FileError
-from motions.gltf.accessors import values_of
+from motions.gltf.accessors import values_of, whole_numbers_of
 from motions.gltf.document import Document
 from motions.gltf.nodes import Nodes, local_matrix
 from motions.limits import MOST_MESH_TRIANGLES
@@ -68,7 +68,7 @@ class Gathering:
         """Number of the first of the bindings of a skin's joints (3.7.3)."""
         joints, inverse = skin["joints"], None
         if "inverseBindMatrices" in skin:
-            inverse = values_of(self.document, skin["inverseBindMatrices"], what="inverse bind matrices")
+            inverse = values_of(self.document, skin["inverseBindMatrices"], of="MAT4", what="inverse bind matrices")
             inverse = inverse.reshape(-1, 4, 4).transpose(0, 2, 1)
             if len(inverse) < len(joints):
                 raise FileError(f"{self.document.label}: a skin of {len(joints)} joints has {len(inverse)} matrices")
@@ -116,11 +116,11 @@ class Gathering:
     ) -> SkinPiece | None:
         """A primitive, without vertices that belong to no triangle; None where it has none."""
         document, attributes = self.document, primitive["attributes"]
-        vertices = values_of(document, attributes["POSITION"], what="vertices")
+        vertices = values_of(document, attributes["POSITION"], of="VEC3", what="vertices")
         count = len(vertices)
         corners = np.arange(count)
         if "indices" in primitive:
-            corners = values_of(document, primitive["indices"]).astype(np.int64).ravel()
+            corners = whole_numbers_of(document, primitive["indices"], "SCALAR").ravel()
         if len(corners) % 3 or (len(corners) and corners.max() >= count):
             raise FileError(f"{document.label}: triangles of {name!r} have corners beyond its {count} vertices")
         self._triangles += len(corners) // 3
@@ -128,7 +128,7 @@ class Gathering:
             raise FileError(f"{document.label} has more than {MOST_MESH_TRIANGLES} triangles")
         for weight, target in zip(shapes, primitive.get("targets", ()), strict=False):
             if weight and "POSITION" in target:
-                vertices = vertices + weight * values_of(document, target["POSITION"], what="vertices")
+                vertices = vertices + weight * values_of(document, target["POSITION"], of="VEC3", what="vertices")
         if fixed:
             binds, weights = np.full((count, 1), first), np.ones((count, 1))
         else:
@@ -162,8 +162,8 @@ class Gathering:
         for number in range(MOST_INFLUENCES):
             if f"JOINTS_{number}" not in attributes:
                 break
-            binds.append(values_of(self.document, attributes[f"JOINTS_{number}"]).astype(np.int64))
-            weights.append(values_of(self.document, attributes[f"WEIGHTS_{number}"], what="skin weights"))
+            binds.append(whole_numbers_of(self.document, attributes[f"JOINTS_{number}"], "VEC4"))
+            weights.append(values_of(self.document, attributes[f"WEIGHTS_{number}"], of="VEC4", what="skin weights"))
         if not binds:
             raise FileError(f"{self.document.label}: the mesh {name!r} has a skin, and no weights for it")
         joints, shares = np.concatenate(binds, axis=1), np.maximum(np.concatenate(weights, axis=1), 0.0)
@@ -182,7 +182,7 @@ class Gathering:
     ) -> FloatArray | None:
         if name not in attributes:
             return None
-        values = values_of(self.document, attributes[name])
+        values = values_of(self.document, attributes[name], of="VEC3" if name == "NORMAL" else "VEC2")
         return values[kept] if len(values) == count and np.isfinite(values).all() else None
 
     def _colour(self, primitive: dict[str, Any]) -> tuple[FloatArray | None, bytes | None, int]:

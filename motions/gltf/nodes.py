@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from motions import quaternions
 from motions.errors import FileError
+from motions.gltf.accessors import require_sane
 from motions.gltf.document import Document
 
 FloatArray = NDArray[np.float64]
@@ -73,8 +74,8 @@ def read_nodes(document: Document) -> Nodes:
     arrays = [np.array(each, dtype=float).reshape(len(found), -1) for each in zip(*parts, strict=True)] or [
         np.zeros((0, width)) for width in (3, 4, 3)
     ]
-    if not all(np.isfinite(each).all() for each in arrays):
-        raise FileError(f"{document.label}: a node's place holds a number that isn't finite")
+    for each in arrays:
+        require_sane(document, each, "nodes")
     names = tuple(str(node.get("name") or f"node {number}") for number, node in enumerate(found))
     return Nodes(names, tuple(parents), tuple(order), arrays[0], unit(arrays[1]), arrays[2])
 

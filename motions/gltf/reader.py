@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from motions import quaternions
 from motions.bvh.reader import Recording
 from motions.errors import FileError
+from motions.gltf.accessors import require_sane
 from motions.gltf.animation import channels_of, find_animation, frame_times, sampled
 from motions.gltf.document import Document, reading
 from motions.gltf.humanoid import roles_of_file
@@ -78,6 +79,8 @@ def _figure(document: Document, rate: float | None, asked: str | None) -> Figure
     if len(times) * len(nodes.names) > LONGEST:
         raise FileError(f"{document.label}: {len(times)} frames of {len(nodes.names)} nodes are too long a motion")
     places, turns, stretches = _rigid(nodes, every, chosen, sampled(nodes, channels, times))
+    for each in (places, stretches):
+        require_sane(document, each, "joints")
     if (changes := np.ptp(stretches, axis=0).max(axis=(1, 2)) > _STRETCHED * np.abs(stretches).max()).any():
         some = ", ".join(nodes.names[chosen[k]] for k in np.flatnonzero(changes)[:3])
         remarks.append(f"scales that change in the motion stay as they are at first: {some}, {changes.sum()} in all")

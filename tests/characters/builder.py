@@ -186,7 +186,7 @@ def character(
     path: Path,
     who: Body | None = None,
     *,
-    frames: int = 0,
+    frames: int = 2,
     root: Mapping[str, Any] | None = None,
     unit: float = 1.0,
     weights: str = "f4",
@@ -194,13 +194,14 @@ def character(
     clips: Sequence[str] = ("Walk",),
     names: Mapping[str, str] | None = None,
     material: gl.Material | None = None,
+    extensions: Mapping[str, Any] | None = None,
 ) -> Path:
     """A character that walks, below a node "Armature" with a transform of its own.
 
     Args:
         path: the file.
         who: the body.
-        frames: of the walk, 0 for all.
+        frames: of the walk, 0 for all of them.
         root: the Armature's translation, rotation or scale.
         unit: metres in the unit of bones and mesh, which the Armature's scale should make good.
         weights: how skin weights are kept: "f4", "u1" or "u2".
@@ -208,11 +209,13 @@ def character(
         clips: names of animations; each is a little slower than the one before.
         names: other names of joints, by these.
         material: of the mesh.
+        extensions: of the file.
     """
     who = who or body()
     file = Glb()
+    file.top.extensions = dict(extensions or {})
     local = who.places - np.array([who.places[p] if p >= 0 else np.zeros(3) for p in who.parents])
-    nodes = [gl.Node(name="Armature", children=[1, 2 + len(who.names) - 1 + 0], **(root or {}))]
+    nodes = [gl.Node(name="Armature", children=[1, 1 + len(who.names)], **(root or {}))]
     for joint, name in enumerate(who.names):
         children = [1 + k for k, parent in enumerate(who.parents) if parent == joint]
         nodes.append(

@@ -86,7 +86,10 @@ def test_what_can_not_be_seen_is_written_as_an_escape():
     assert printable("a\x1b[31mb\u202e\n\x7f") == "a\\x1b[31mb\\u202e\\n\\x7f"
 
 
-@pytest.mark.parametrize(("name", "told"), [("take.pkl", "pickle, .*npz"), ("q.npy", "npz"), ("walk.FBX", "as BVH")])
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [("take.pkl", "pickle, .*npz"), ("q.npy", "npz"), ("walk.FBX", "GLB, .*blender -b"), ("a.c3d", "no joints.*BVH")],
+)
 def test_files_of_other_kinds_say_what_to_make_of_them(tmp_path, name, told):
     (tmp_path / name).write_bytes(b"\x80\x04")
     with pytest.raises(FileError, match=rf"{name} is an? .*{told}"):

@@ -1,0 +1,5 @@
+"""Fixtures of the tests of characters."""
+
+from tests.commands.conftest import forks
+
+__all__ = ["forks"]
