@@ -1,5 +1,6 @@
 """Characters from glTF files: their vertices are where a plain computation from matrices puts them."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 
 import motions
 from motions.conventions import to_z_up
+from motions.gltf.accessors import values_of
+from motions.gltf.document import Document
 from tests.characters.builder import Glb, body, character, skinned, walking
 
 BODY = body()
@@ -58,7 +61,9 @@ def test_scales_that_differ_by_axes_and_mirrors_are_left_to_the_mesh(tmp_path):
     clip = motions.load(character(tmp_path / "hero.glb", BODY, root={"scale": [-1.0, 0.9, 1.1]}))
     # In the first frame, whose shear is what the mesh keeps.
     assert np.abs(drawn(clip)[0] - expected(root=squeezed)[0]).max() < SAME
-    assert np.allclose(np.linalg.norm(clip.rotations_wxyz, axis=-1), 1.0)
+    # A mirror alone leaves joints rigid, in all frames.
+    mirrored = motions.load(character(tmp_path / "mirrored.glb", BODY, frames=30, root={"scale": [-1.0, 1.0, 1.0]}))
+    assert np.abs(drawn(mirrored) - expected(30, np.diag([-1.0, 1.0, 1.0, 1.0]))).max() < SAME
     # A mirror turns triangles inside out, unless they are turned back: the file's own volume is positive.
     assert clip.skin is not None
     piece, vertices = clip.skin.pieces[0], drawn(clip)[0]
@@ -77,6 +82,23 @@ def test_scales_that_differ_by_axes_and_mirrors_are_left_to_the_mesh(tmp_path):
 def test_weights_may_be_fractions_of_whole_numbers_and_vertices_interleaved(tmp_path, options, tolerance):
     clip = motions.load(character(tmp_path / "hero.glb", BODY, **options))
     assert np.abs(drawn(clip) - expected()).max() < tolerance
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers", "fractions"),
+    [
+        ("u1", [0, 51, 255], [0.0, 0.2, 1.0]),
+        ("u2", [0, 13107, 65535], [0.0, 0.2, 1.0]),
+        ("i2", [-32768, -32767, 32767], [-1.0, -1.0, 1.0]),
+    ],
+)
+def test_whole_numbers_stand_for_fractions(kind, numbers, fractions):
+    file = Glb()
+    data = np.array(numbers, "<" + kind).tobytes()
+    file.accessor(file.view(data), kind, 3, 1, normalized=True)
+    document = Document("a.glb", json.loads(file.top.to_json()), file.blob)
+    document.top["buffers"] = [{"byteLength": len(file.blob)}]
+    assert values_of(document, 0).ravel().tolist() == fractions
 
 
 @pytest.mark.parametrize("name", ["in_itself.gltf", "apart.gltf", "hero.vrm"])
