@@ -16,6 +16,7 @@ from skeleton.robot.links import Link, LinkReport, body_height, find_links, in_n
 from skeleton.robot.mirror import Mirror
 from skeleton.robot.solid_files import read_solids, write_solids
 from skeleton.shapes import Bounded, Capsule, Shape, TaperedCapsule
+from skeleton.skinned.bind_pose import in_bind_pose
 from skeleton.solid_measures import signed_distance, union_volume
 
 FloatArray = NDArray[np.float64]
@@ -135,6 +136,8 @@ def hitboxes_of(
         raise ValueRangeError(f"a hitbox is a 'capsule' or a 'tapered_capsule', not {kind!r}")
     if not 0.0 < quantile <= 1.0:
         raise ValueRangeError(f"the share of a surface to hold is above 0 and up to 1, got {quantile}")
+    if body.skin is not None:  # solids are in bones' frames: any pose will do in which both sides are alike
+        body = replace(body, rest=in_bind_pose(body.rest, body.skin))
     report = find_links(body, limbs_only=which == "limbs")
     if not report.links:
         return _by_proportions(body, report)

@@ -16,6 +16,7 @@ FloatArray = NDArray[np.float64]
 
 _TOLERANCE = 0.001  # [m] that outlines and centres of mirrored links may be apart: a mesh's finish, not its shape
 _AREA_TOLERANCE = 0.02  # of the area, in which faces inside of a link count, too
+_OF_SKINS = 15.0  # times as much where weights part a mesh among bones, which are seldom alike on both sides
 _DIRECTIONS = np.array([np.array(d) / np.linalg.norm(d) for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
 
 
@@ -27,11 +28,11 @@ class _Outline:
     center: FloatArray
     area: float
 
-    def fits(self, other: "_Outline") -> bool:
+    def fits(self, other: "_Outline", slack: float) -> bool:
         return (
-            bool(np.abs(self.reaches - other.reaches).max() < _TOLERANCE)
-            and bool(np.abs(self.center - other.center).max() < _TOLERANCE)
-            and abs(self.area - other.area) < _AREA_TOLERANCE * self.area
+            bool(np.abs(self.reaches - other.reaches).max() < slack * _TOLERANCE)
+            and bool(np.abs(self.center - other.center).max() < slack * _TOLERANCE)
+            and abs(self.area - other.area) < slack * _AREA_TOLERANCE * self.area
         )
 
 
@@ -59,9 +60,13 @@ class Mirror:
             return None
 
     def original(self, link: Link, others: Iterable[Link]) -> Link | None:
-        """The one of the other links whose reflection this link is, to within a millimetre of its outline."""
+        """The one of the other links whose reflection this link is, to within a millimetre of its outline.
+
+        Of a mesh that bones move to within 15 mm.
+        """
         own, _ = self._outlines_of(link)
-        return next((other for other in others if own.fits(self._outlines_of(other)[1])), None)
+        slack = 1.0 if self.body.skin is None else _OF_SKINS
+        return next((other for other in others if own.fits(self._outlines_of(other)[1], slack)), None)
 
     def onto(self, link: Link, solid: Capsule | TaperedCapsule, original: Link) -> Capsule | TaperedCapsule:
         """A solid in the frame of the original's bone, reflected into the frame of the link's bone."""
