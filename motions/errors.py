@@ -28,26 +28,34 @@ class MissingPackageError(UserError):
 
 
 PACKAGES = {
-    "pinocchio": "pin",
-    "coal": "pin",
-    "rerun": "'rerun-sdk>=0.41,<0.42'",
-    "rerun_cli": "'rerun-sdk>=0.41,<0.42'",
+    "pinocchio": ("Pinocchio", "pin"),
+    "coal": ("coal", "pin"),
+    "rerun": ("Rerun", "'rerun-sdk>=0.41,<0.42'"),
+    "rerun_cli": ("Rerun", "'rerun-sdk>=0.41,<0.42'"),
 }
-"""What to install for modules that only some tasks need; they come along where a platform has them."""
+"""Modules that only some tasks need: what they are called, and what to install. They come along where a platform has
+them."""
 
 
-def require_package(module: str, what: str) -> None:
+def require_package(module: str, what: str, *, instead: str = "") -> None:
     """Check that a module can be imported, without importing it.
 
     Args:
         module: one of `PACKAGES`.
         what: what needs it, in a few words.
+        instead: what there is without it, in a few words.
 
     Raises:
         MissingPackageError: it can't.
     """
     if importlib.util.find_spec(module) is None:
-        raise MissingPackageError(f"{what} needs {module}: pip install {PACKAGES[module]}")
+        raise missing_package(module, what, instead=instead)
+
+
+def missing_package(module: str, what: str, *, instead: str = "") -> MissingPackageError:
+    """The error of a module of `PACKAGES` that is not there."""
+    name, package = PACKAGES[module]
+    return MissingPackageError(f"{what} needs {name}: pip install {package}" + (f" ({instead})" if instead else ""))
 
 
 class UnknownNameError(UserError):

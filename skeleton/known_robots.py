@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from motions.errors import FileError, UnknownNameError
+from motions.errors import FileError, MissingPackageError, UnknownNameError
 
 _URDF_OF = {
     "g1": "g1_description/urdf/g1_29dof_rev_1_0.urdf",
@@ -48,13 +48,14 @@ def find_urdf(path_or_name: str | Path, package_dirs: Sequence[str | Path] = ())
 
     Raises:
         UnknownNameError: neither a file nor the name of a robot; lists the robots.
-        FileError: the path is a directory, no folder holds the package's file, or example-robot-data isn't installed.
+        FileError: the path is a directory, or no folder holds the package's file.
+        MissingPackageError: a name is given, and example-robot-data isn't installed.
     """
     name = str(path_or_name)
     if name in _URDF_OF:
         return _robots_folder() / _URDF_OF[name]
     if name.startswith(_PACKAGE):
-        folders = [*map(Path, package_dirs), *_ros_folders(), _data_folder()]
+        folders = [*map(Path, package_dirs), *_ros_folders(), *_data_folders()]
         for folder in folders:
             if (path := folder / name.removeprefix(_PACKAGE)).is_file():
                 return path
@@ -73,7 +74,7 @@ def find_urdf(path_or_name: str | Path, package_dirs: Sequence[str | Path] = ())
 def package_folders(urdf: Path, package_dirs: Sequence[str | Path] = ()) -> list[str]:
     """Folders in which the packages that a URDF file names may lie: given ones, those above the file, known ones."""
     above = [str(folder) for folder in urdf.resolve().parents]
-    return [*map(str, package_dirs), *above, *map(str, _ros_folders()), str(_data_folder())]
+    return [*map(str, package_dirs), *above, *map(str, _ros_folders()), *map(str, _data_folders())]
 
 
 def known_roles(path_or_name: str | Path) -> Mapping[str, str]:
@@ -88,15 +89,20 @@ def _ros_folders() -> list[Path]:
 
 
 def _robots_folder() -> Path:
-    return _data_folder() / "example-robot-data" / "robots"
+    for folder in _data_folders():
+        return folder / "example-robot-data" / "robots"
+    raise MissingPackageError(
+        "a robot known by name needs its files: pip install example-robot-data (a URDF file of your own needs nothing)"
+    )
 
 
-def _data_folder() -> Path:
+def _data_folders() -> list[Path]:
+    """The folder of example-robot-data's packages; none where it isn't installed."""
     try:
         distribution = importlib.metadata.distribution("example-robot-data")
     except importlib.metadata.PackageNotFoundError:
-        raise FileError("the package example-robot-data, which holds the robots, is not installed") from None
-    return Path(str(distribution.locate_file("cmeel.prefix/share")))
+        return []
+    return [Path(str(distribution.locate_file("cmeel.prefix/share")))]
 
 
 def _both_sides(limbs: Mapping[str, str]) -> dict[str, str]:

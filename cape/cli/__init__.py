@@ -6,7 +6,7 @@ import signal
 import sys
 from types import FrameType
 
-from motions.errors import UserError
+from motions.errors import PACKAGES, UserError, missing_package
 from motions.files import printable
 
 INTERRUPTED = 130  # the shells' status for what Ctrl-C has ended
@@ -62,6 +62,8 @@ def _status_of(error: BaseException) -> int:
         return _tell(error.at_command_line, 2)
     if isinstance(error, ImportError) and error.name == "numba":
         return _tell(str(error), 2)
+    if isinstance(error, ModuleNotFoundError) and error.name in PACKAGES:
+        return _tell(str(missing_package(error.name, "this")), 2)
     if isinstance(error, TyperException):
         return _tell(f"{error.format_message()} (cape --help tells what there is)", 2)
     if isinstance(error, BrokenPipeError):

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from cape.pictures.eye import look_from
-from motions.errors import FileError, UnknownNameError, UserError, ValueRangeError
+from motions.errors import FileError, UnknownNameError, UserError, ValueRangeError, require_package
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -190,6 +190,7 @@ class Viewer:
 
 def _program() -> list[str]:
     """The viewer and what makes it draw without a display."""
+    require_package("rerun_cli", "a picture")
     import rerun_cli
 
     # The command `rerun` is a wrapper that passes no signals on.

@@ -44,6 +44,6 @@ these, translucent and with their names, with shells and contacts, and a cape to
 """
 
 from cape.record.layers import LAYERS
-from cape.record.write import require_viewer, save, save_hitboxes
+from cape.record.write import require_recorder, save, save_hitboxes
 
-__all__ = ["LAYERS", "require_viewer", "save", "save_hitboxes"]
+__all__ = ["LAYERS", "require_recorder", "save", "save_hitboxes"]

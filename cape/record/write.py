@@ -69,7 +69,7 @@ def save(
         ValueRangeError: no frame is finite, or the takes share a name or differ in their bones' motion.
         FileError: the file can't be written.
     """
-    require_viewer()
+    require_recorder()
     asked = with_surfaces(check_layers(layers), surfaces)
     worn = worn_of([part for one in ([take] if isinstance(take, Take) else take) for part in takes_apart(one)])
     frames = finite_frames(worn.name, worn.bones, worn.positions)
@@ -126,7 +126,7 @@ def save_hitboxes(
         ValueRangeError: no frame is finite.
         FileError: the file can't be written.
     """
-    require_viewer()
+    require_recorder()
     asked = with_surfaces(check_layers(layers, BODY_LAYERS if skin is None else (*BODY_LAYERS, "body")), surfaces)
     frames = finite_frames(name, bones)
     colliders = drawable(colliders)
@@ -197,13 +197,13 @@ def log_figure(
         log_floor(stream, bones, colliders, frames, travel)
 
 
-def require_viewer() -> None:
+def require_recorder() -> None:
     """Check that what writes recordings is installed.
 
     Raises:
         MissingPackageError: it isn't.
     """
-    require_package("rerun", "a recording")
+    require_package("rerun", "a recording", instead="-o NAME.npz, take.keep and exports need nothing")
 
 
 def _size(skin: Skin | None, frames: int) -> int:

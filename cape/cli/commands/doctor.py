@@ -14,6 +14,12 @@ from cape.kernels import store
 from cape.version import VERSION
 from motions.errors import UserError
 
+WITHOUT = {
+    "pin": "robots",
+    "example-robot-data": "robots known by name",
+    "rerun-sdk": "recordings and pictures",
+}
+"""What there is not without a package of those that the rest does without."""
 USES = {
     "plots": "diagrams of cape report and cape bench",
     "export": "exports of takes as USD and GLB",
@@ -65,6 +71,8 @@ def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("packages", ", ".join(f"{name} {version or 'MISSING'}" for name, version in found["packages"].items())),
         ("pictures", found["pictures"]),
     ]
+    lacking = [name for name, version in found["packages"].items() if version is None]
+    rows += [(f"for {use}", f"lacks {name}: pip install {name}") for name, use in WITHOUT.items() if name in lacking]
     for extra, names in found["extras"].items():
         missing = [name for name, version in names.items() if version is None]
         told = f"lacks {', '.join(missing)}: pip install 'cape[{extra}]'" if missing else "there"
@@ -77,6 +85,8 @@ def _requirements() -> tuple[list[str], dict[str, list[str]]]:
     needed: list[str] = []
     extras: dict[str, list[str]] = {extra: [] for extra in USES}
     for line in importlib.metadata.requires("cape") or []:
+        if 'platform_system != "Windows"' in line.replace("'", '"') and platform.system() == "Windows":
+            continue
         name = re.split(r"[^A-Za-z0-9._-]", line, maxsplit=1)[0]
         extra = re.search(r"extra == ['\"]([\w-]+)['\"]", line)
         if extra is None:

@@ -24,6 +24,7 @@ def run(
     reading: Reading, *, output: Path | None, hitboxes: str | None, write: Path | None, bare: bool, spawn: bool
 ) -> int:
     """Record the colliders, and how a cape meets them unless `bare`; gives the exit status."""
+    record.require_recorder()
     who = read_character(reading, hitboxes=hitboxes)
     inputs = (*reading.files, hitboxes)
     path = output_path(output, who.name, "_hitboxes.rrd", inputs=inputs)

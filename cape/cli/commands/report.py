@@ -17,7 +17,7 @@ from cape.report.shown.plot import save_diagram, save_energy, save_space_diagram
 from cape.report.shown.recording import save_runs
 from cape.scene.standard_scenes import STANDARD_SCENES
 from cape.solvers import SOLVERS
-from motions.errors import FileError, UnknownNameError, UserError
+from motions.errors import FileError, UnknownNameError, UserError, require_package
 from motions.files import write_text
 
 
@@ -25,6 +25,7 @@ def report(
     *, output: Path, quick: bool, scenes: tuple[str, ...], solvers: tuple[str, ...], only: str | None = None
 ) -> int:
     """Measure, and write what was found; gives the exit status."""
+    require_package("rerun", "cape report")
     plan = chosen(QUICK if quick else FULL, scenes, solvers)
     if only is not None:
         plan = plan.only(only)

@@ -26,7 +26,7 @@ def require_writable(path: Path, *, recorded_only: Mapping[str, bool]) -> None:
     if suffix in exports.FORMATS:
         exports.format_of(path)
     elif suffix != KEPT:
-        record.require_viewer()
+        record.require_recorder()
         return
     if given := [option for option, is_given in recorded_only.items() if is_given]:
         raise UserError(f"{' and '.join(given)} is for recordings (.rrd), not for {path.name}")
