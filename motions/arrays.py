@@ -6,6 +6,7 @@ import math
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Collection
 from pathlib import Path
 from typing import IO
 
@@ -27,8 +28,12 @@ _DAMAGED = (
 )  # fmt: skip
 
 
-def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
+def read_arrays(path: Path, *, only: Collection[str] | None = None) -> dict[str, NDArray[np.generic]]:
     """All arrays of an NPZ file, by name; what would have to be unpickled is refused.
+
+    Args:
+        path: the file.
+        only: names of the arrays that are wanted, whatever others are like; None for all.
 
     Raises:
         FileError: the file is missing or damaged, is no NPZ file, holds something else than arrays of numbers or texts,
@@ -38,6 +43,8 @@ def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             for member in archive.infolist():
+                if only is not None and member.filename.removesuffix(".npy") not in only:
+                    continue
                 with archive.open(member) as file:
                     name = member.filename.removesuffix(".npy")
                     shape, kind = _head(file)

@@ -18,8 +18,6 @@ POSSIBLE = (1.2, 2.4)
 """Heights of children and giants [m]: with no plausible unit, the one in this range is taken, with a remark. Neighbours
 among the units differ by more than the ends of either range do, so at most one fits."""
 
-GLTF_UP = "y"
-"""The axis that points up in glTF, whose unit is the metre (3.4)."""
 _IN_METRES = (0.3, 5.0)
 """Heights [m] of characters, from a gnome to a giant, which are believed where a file states its unit."""
 

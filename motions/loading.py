@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import conventions, quaternions
+from motions.amass import reader as amass
 from motions.bodies import stature
 from motions.bvh import reader
 from motions.bvh.reader import Recording
@@ -34,14 +35,14 @@ def load(
     rate: float | None = None,
     animation: str | None = None,
 ) -> Clip:
-    """Read a BVH file, or a character from a glTF one, into a clip, in metres and Z up.
+    """Read a BVH file, a character from a glTF one, or AMASS's .npz, into a clip, in metres and Z up.
 
     What the file leaves open is decided from the motion itself; every decision is a sentence in `Clip.decisions`. glTF
-    (.glb, .gltf, .vrm) states its unit, the metre, and that Y is up: both are believed, unless that makes no body of
-    0.3 to 5 m.
+    (.glb, .gltf, .vrm) and AMASS state their unit, the metre, and their axis that is up: both are believed, unless that
+    makes no body of 0.3 to 5 m.
 
     Args:
-        path: a BVH or glTF file, or the name of a shipped clip where no such file exists.
+        path: a BVH, glTF or AMASS file, or the name of a shipped clip where no such file exists.
         unit: "m", "cm", "mm", "inch", "cmu" (1/0.45 inch) or metres in the file's unit; None takes the one that makes
             a person of 1.4 to 2.1 m.
         up: "x", "y", "z", "-x", "-y" or "-z", the file's axis that points up; None compares the head with the feet.
@@ -67,13 +68,10 @@ def load(
     if rate is not None and not 1e-3 <= rate <= 1e6:
         raise ValueRangeError(f"rate must be above 0 frames per second, not {rate:g}")
     path = _find(path)
-    figure = gltf.read(path, rate=rate, animation=animation) if path.suffix.lower() in gltf.SUFFIXES else None
-    if figure is None and animation is not None:
-        raise ValueRangeError(f"{path} holds a single motion: leave out the animation {animation!r}")
-    recording = reader.read(path, rate) if figure is None else figure.recording
+    recording = _read(path, rate, animation)
     joints, decisions = _unique(recording.joints)
     decisions += recording.remarks
-    roles = {} if figure is None else {role: joints[joint] for role, joint in figure.roles.items()}
+    roles = {role: joints[joint] for role, joint in recording.roles.items()}
 
     few = np.arange(min(len(recording.rotations), conventions.JUMP_FRAMES))
     spread = np.linspace(0, len(recording.rotations) - 1, stature.SAMPLES).astype(np.int64)
@@ -82,7 +80,7 @@ def load(
     units_tall = stature.standing_height(points, landmarks)
 
     jump = None
-    if keep_first_frame is None and figure is None:
+    if keep_first_frame is None and recording.up is None:
         bare = bool((np.abs(recording.rotations[0, :, 0]) > conventions.UNTURNED).all())
         jump = conventions.jumps_at_start(points[: len(few)], units_tall, bare=bare)
     if jump is not None:
@@ -95,17 +93,18 @@ def load(
 
     if up is None:
         up, sentence = conventions.choose_up(points, landmarks, units_tall)
-        if figure is not None and landmarks is not None and up != conventions.GLTF_UP:
-            sentence = f"up: +Y axis, as glTF has it, though the body stands along +{up.upper()}; give up if it's wrong"
+        if recording.up is not None and landmarks is not None and up != recording.up:
+            stated = f"up: +{recording.up.upper()} axis, as the file's format has it"
+            sentence = f"{stated}, though the body stands along +{up.upper()}; give up if it's wrong"
+        if recording.up is None or (landmarks is not None and up != recording.up):
             decisions.append(sentence)
-        up = up if figure is None else conventions.GLTF_UP
-        decisions += [sentence] if figure is None else []
+        up = recording.up or up
     if height is not None:
         if units_tall <= 0:
             raise ValueRangeError(f"{path}: the body has no height, so it can't be scaled to {height:g} m")
         scale = height / units_tall
         decisions.append(f"unit: {scale:.4g} m, which makes the body {height:g} m tall, as asked")
-    elif scale is None and figure is not None and conventions.is_in_metres(units_tall):
+    elif scale is None and recording.up is not None and conventions.is_in_metres(units_tall):
         scale = 1.0
     elif scale is None:
         scale, sentence = conventions.choose_unit(units_tall)
@@ -113,12 +112,24 @@ def load(
     elif remark := conventions.remark_on_height(units_tall * scale):
         decisions.append(f"unit: {scale:.4g} m as asked makes the body {units_tall * scale:.3g} m tall{remark}")
     clip = _convert(recording, joints, scale, up, name or path.stem, decisions)
-    if figure is None:
-        return clip
-    skin = None if figure.skin is None else figure.skin.turned(conventions.to_z_up(up), scale)
-    if skin is not None:
+    if (skin := recording.skin) is not None:
+        skin = skin.turned(conventions.to_z_up(up), scale)
         skin = replace(skin, bones=tuple(joints[int(bone)] for bone in skin.bones))
     return replace(clip, roles=roles, skin=skin)
+
+
+def _read(path: Path, rate: float | None, animation: str | None) -> Recording:
+    """What a file holds, by its kind."""
+    suffix = path.suffix.lower()
+    if suffix in gltf.SUFFIXES:
+        return gltf.read(path, rate=rate, animation=animation)
+    if animation is not None:
+        raise ValueRangeError(f"{path} holds a single motion: leave out the animation {animation!r}")
+    if amass.is_amass(path):
+        return amass.read(path, rate=rate)
+    if suffix == amass.SUFFIX:
+        raise FileError(f"{path} is no motion of AMASS, which holds trans and poses; a robot's needs its robot")
+    return reader.read(path, rate)
 
 
 _OTHERS = {

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from cape.cli.reading import Reading
 
 CLIP_HELP = (
-    "A BVH file, a character (GLB, glTF, VRM), the name of a shipped clip (cape clips lists them), or a robot's motion "
-    "(CSV, NPZ)."
+    "A BVH file, a character (GLB, glTF, VRM), AMASS's NPZ, the name of a shipped clip (cape clips lists them), or a "
+    "robot's motion (CSV, NPZ)."
 )
 Clip = Annotated[str | None, typer.Argument(help=CLIP_HELP, show_default=False), MayBeFile()]
 Script = Annotated[

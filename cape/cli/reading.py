@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import motions
+from motions.amass.reader import is_amass
 from motions.errors import UserError, ValueRangeError
 from skeleton import RobotMotion, Skeleton, load_configurations
 from skeleton.robot.configurations import SUFFIXES
@@ -36,7 +37,7 @@ class Reading:
         """The file of a robot's configurations, None where the motion is something else."""
         if self.clip is None or self.script is not None or Path(self.clip).suffix.lower() not in SUFFIXES:
             return None
-        return Path(self.clip)
+        return None if is_amass(Path(self.clip)) else Path(self.clip)
 
     @property
     def files(self) -> tuple[str | None, ...]:

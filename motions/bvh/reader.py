@@ -1,6 +1,7 @@
 """A BVH file as joints, positions and rotations, still in its own unit and axes."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from motions.bvh.hierarchy import CHANNELS, find_motion, parse_hierarchy
 from motions.bvh.motion import parse_motion
 from motions.bvh.source import Source
 from motions.kinematics import forward_kinematics
+from motions.skin import Skin
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -18,7 +20,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Recording:
-    """What a BVH file holds, in its own unit of length and its own axes.
+    """What a file of motion holds, in its own unit of length and its own axes.
 
     Attributes:
         joints: names of the J joints as in the file, parents first; not necessarily unique.
@@ -31,6 +33,9 @@ class Recording:
         positions: their positions in the parent's frame, which replace their OFFSET, shape (F, M, 3).
         rotations: unit quaternions (w, x, y, z) joint_to_parent, shape (F, J, 4).
         remarks: what the file says that was not believed, a sentence each.
+        up: axis of the file that points up, where its format states that and the metre as unit; None where it doesn't.
+        roles: the joint of each role that the file or its format tells.
+        skin: the mesh on the joints, which are named by their numbers; None for none.
     """
 
     joints: tuple[str, ...]
@@ -43,6 +48,9 @@ class Recording:
     positions: FloatArray
     rotations: FloatArray
     remarks: tuple[str, ...] = ()
+    up: str | None = None
+    roles: Mapping[str, int] = field(default_factory=dict)
+    skin: Skin | None = None
 
     def frames(self, which: IntArray | slice) -> "Recording":
         """The same recording with only some of its frames."""

@@ -6,7 +6,6 @@ to the mesh.
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,33 +20,19 @@ from motions.gltf.document import Document, reading
 from motions.gltf.humanoid import roles_of_file
 from motions.gltf.meshes import Gathering
 from motions.gltf.nodes import Nodes, read_nodes
-from motions.skin import Skin
 
 FloatArray = NDArray[np.float64]
 
 SUFFIXES = (".glb", ".gltf", ".vrm")
+UP = "y"
+"""The axis that points up in glTF, whose unit is the metre (3.4)."""
 STILL_SECONDS, STILL_FPS = 3.0, 30.0  # how long a figure without animation stands
 LONGEST = 2**24  # poses of nodes, over all frames: an hour of sixty at 60 frames a second
 _EVEN = 1e-4  # by which scales along the axes may differ, of the largest, and still count as one
 _STRETCHED = 0.01  # by which a joint's scale may change in a motion without a word
 
 
-@dataclass(frozen=True, eq=False)
-class Figure:
-    """What a file holds of a character.
-
-    Attributes:
-        recording: its joints and their motion; names need not be unique.
-        skin: its mesh on joints that are named by their numbers; None for none.
-        roles: the number of the joint of each role that the file itself names.
-    """
-
-    recording: Recording
-    skin: Skin | None
-    roles: dict[str, int]
-
-
-def read(path: Path, *, rate: float | None = None, animation: str | None = None) -> Figure:
+def read(path: Path, *, rate: float | None = None, animation: str | None = None) -> Recording:
     """Read a character.
 
     Args:
@@ -64,7 +49,7 @@ def read(path: Path, *, rate: float | None = None, animation: str | None = None)
         return _figure(document, rate, animation)
 
 
-def _figure(document: Document, rate: float | None, asked: str | None) -> Figure:
+def _figure(document: Document, rate: float | None, asked: str | None) -> Recording:
     nodes = read_nodes(document)
     chosen = _joints(document, nodes, asked)
     every = nodes.with_above(chosen)
@@ -97,7 +82,7 @@ def _figure(document: Document, rate: float | None, asked: str | None) -> Figure
     gathering = Gathering(document, nodes, joint_of, stretches[0])
     skin = gathering.skin([str(joint) for joint in range(len(names))])
     local, rotations = _in_parents(parents, places, turns)
-    recording = Recording(
+    return Recording(
         joints=tuple(names),
         parents=parents,
         offsets=local[0].copy(),
@@ -107,10 +92,11 @@ def _figure(document: Document, rate: float | None, asked: str | None) -> Figure
         moving=np.arange(len(parents)),
         positions=local,
         rotations=rotations,
-        remarks=tuple([*remarks, *gathering.notes]),
+        remarks=(*remarks, *gathering.notes),
+        up=UP,
+        roles={role: joint_of[node] for role, node in roles_of_file(document).items() if node in joint_of},
+        skin=skin,
     )
-    roles = {role: joint_of[node] for role, node in roles_of_file(document).items() if node in joint_of}
-    return Figure(recording, skin, roles)
 
 
 def _joints(document: Document, nodes: Nodes, asked: str | None) -> list[int]:

@@ -9,7 +9,7 @@ import motions
 import skeleton
 from motions import quaternions
 from motions.skin import SkinPiece
-from skeleton import Skeleton
+from skeleton import Capsule, Skeleton
 from skeleton.robot.links import find_links
 from skeleton.skinned.surfaces import bone_surfaces
 from tests.characters.builder import body, character
@@ -57,6 +57,7 @@ def test_solids_hold_the_mesh_in_motion(hero, tmp_path):
     only = replace(hero, skin=replace(hero.skin, pieces=(_part(hero, forearm),)))
     hitboxes = skeleton.hitboxes_of(only)
     (solid,) = hitboxes.solids
+    assert isinstance(solid, Capsule)
     assert (solid.name, solid.bone) == ("left_forearm", forearm)
     assert solid.radius == pytest.approx(0.05, abs=2e-3)
     assert hitboxes.qualities[forearm].outside < 0.021
@@ -71,6 +72,7 @@ def test_solids_hold_the_mesh_in_motion(hero, tmp_path):
 
 def _part(hero: Skeleton, bone: str) -> SkinPiece:
     """The triangles of the mesh of which all corners follow a bone most."""
+    assert hero.skin is not None
     piece = hero.skin.pieces[0]
     mine = np.array([hero.skin.bones[bind] == bone for bind in piece.dominant])
     return replace(piece, triangles=piece.triangles[mine[piece.triangles].all(axis=1)])

@@ -1,0 +1,1 @@
+"""Motions of parametric bodies, as AMASS distributes them: rotations for joints whose places the files do not hold."""
