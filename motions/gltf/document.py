@@ -90,6 +90,8 @@ class Document:
             FileError: the file is missing, too large, compressed or malformed.
         """
         data = read_bytes(path)
+        if not data.strip():
+            raise FileError(f"{path} is empty")
         with reading(str(path)):
             if data[:4] == b"glTF":
                 return Document.of_glb(data, str(path), path.parent)

@@ -66,6 +66,15 @@ def test_what_is_wrong_is_told(tmp_path, changes, told):
     assert len(str(caught.value)) < 500
 
 
+@pytest.mark.parametrize(
+    ("data", "told"), [(b"", "is empty"), (b"glTF", "no glTF that can be"), (b"hello", "no glTF that")]
+)
+def test_what_is_no_gltf_is_told(tmp_path, data, told):
+    (tmp_path / "a.glb").write_bytes(data)
+    with pytest.raises(FileError, match=told):
+        motions.load(tmp_path / "a.glb")
+
+
 def test_a_link_to_a_file_elsewhere_is_not_followed(tmp_path):
     (tmp_path / "other").mkdir()
     (tmp_path / "secret.bin").write_bytes(b"\0" * 1000)
