@@ -16,6 +16,7 @@ from motions.bvh.reader import Recording
 from motions.clip import Clip
 from motions.errors import FileError, ValueRangeError
 from motions.gltf import reader as gltf
+from motions.gltf.document import SUFFIXES
 from motions.shipped import clip_names, clip_path
 
 FloatArray = NDArray[np.float64]
@@ -51,7 +52,8 @@ def load(
             second, as from the T-pose in front of CMU's files.
         name: what to call the clip, by default the stem of the file.
         rate: frames per second, whatever the file says; of a glTF file how many are taken of its animation in a second.
-        animation: name of one of a glTF file's animations; None for the first that moves the character.
+        animation: name of one of a glTF file's animations, or another such file (.vrma as well) whose bones move the
+            character's; None for the first of its own.
 
     Raises:
         FileError: the file is missing, unreadable or malformed; names the line.
@@ -121,7 +123,7 @@ def load(
 def _read(path: Path, rate: float | None, animation: str | None) -> Recording:
     """What a file holds, by its kind."""
     suffix = path.suffix.lower()
-    if suffix in gltf.SUFFIXES:
+    if suffix in SUFFIXES:
         return gltf.read(path, rate=rate, animation=animation)
     if animation is not None:
         raise ValueRangeError(f"{path} holds a single motion: leave out the animation {animation!r}")

@@ -59,7 +59,10 @@ Packages = Annotated[
 ]
 Animation = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="Which of a GLB's animations; by default the first that moves the character."),
+    typer.Option(
+        metavar="NAME",
+        help="Which of a GLB's animations, or a file (GLB, VRMA) whose animation it takes; by default its first.",
+    ),
 ]
 Hitboxes = Annotated[
     str | None,

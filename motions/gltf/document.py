@@ -19,6 +19,7 @@ from motions.errors import FileError, UserError
 from motions.files import read_bytes
 from motions.limits import LARGEST_ARRAYS, LARGEST_DESCRIPTION
 
+SUFFIXES = (".glb", ".gltf", ".vrm", ".vrma")
 JSON, BIN = 0x4E4F534A, 0x004E4942
 COMPRESSED = {
     "KHR_draco_mesh_compression": "Draco",

@@ -16,7 +16,7 @@ _CHESTS = ("upperChest", "chest", "spine")  # the highest that there is carries 
 
 def roles_of_file(document: Document) -> dict[str, int]:
     """The node of each role that the file names, empty for a file that is no VRM."""
-    bones = {bone: node for bone, node in _bones(document.top.get("extensions", {})).items() if isinstance(node, int)}
+    bones = human_bones(document)
     found = {role: bones[bone] for bone, role in _ROLE_OF.items() if bone in bones}
     chest = next((bones[bone] for bone in _CHESTS if bone in bones), None)
     if chest is not None:
@@ -24,9 +24,22 @@ def roles_of_file(document: Document) -> dict[str, int]:
     return {role: found[role] for role in ROLES if role in found}
 
 
+def human_bones(document: Document) -> dict[str, int]:
+    """The node of each bone by VRM's name for it, empty for a file that is no VRM and no VRM animation."""
+    nodes, found = len(document.list_of("nodes")), _bones(document.top.get("extensions", {}))
+    return {bone: node for bone, node in found.items() if isinstance(node, int) and 0 <= node < nodes}
+
+
+def faces_back(document: Document) -> bool:
+    """Whether its figure faces -Z, as version 0 has it, and not +Z as all else."""
+    extensions = document.top.get("extensions", {})
+    return "VRM" in extensions and "VRMC_vrm" not in extensions
+
+
 def _bones(extensions: dict[str, Any]) -> dict[str, Any]:
-    if (one := extensions.get("VRMC_vrm")) is not None:
-        return {bone: each.get("node") for bone, each in one["humanoid"]["humanBones"].items()}
+    for kind in ("VRMC_vrm", "VRMC_vrm_animation"):
+        if (one := extensions.get(kind)) is not None:
+            return {bone: each.get("node") for bone, each in one["humanoid"]["humanBones"].items()}
     if (zero := extensions.get("VRM")) is not None:
         return {each["bone"]: each.get("node") for each in zero["humanoid"]["humanBones"]}
     return {}

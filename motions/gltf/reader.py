@@ -16,19 +16,18 @@ from motions.bvh.reader import Recording
 from motions.errors import FileError
 from motions.gltf.accessors import require_sane
 from motions.gltf.animation import channels_of, find_animation, frame_times, sampled
+from motions.gltf.borrowed import borrowed, is_elsewhere
 from motions.gltf.document import Document, reading
 from motions.gltf.humanoid import roles_of_file
 from motions.gltf.meshes import Gathering
 from motions.gltf.nodes import Nodes, read_nodes
+from motions.gltf.poses import require_short, world_poses
 
 FloatArray = NDArray[np.float64]
 
-SUFFIXES = (".glb", ".gltf", ".vrm")
 UP = "y"
 """The axis that points up in glTF, whose unit is the metre (3.4)."""
 STILL_SECONDS, STILL_FPS = 3.0, 30.0  # how long a figure without animation stands
-LONGEST = 2**24  # poses of nodes, over all frames: an hour of sixty at 60 frames a second
-_EVEN = 1e-4  # by which scales along the axes may differ, of the largest, and still count as one
 _STRETCHED = 0.01  # by which a joint's scale may change in a motion without a word
 
 
@@ -38,7 +37,8 @@ def read(path: Path, *, rate: float | None = None, animation: str | None = None)
     Args:
         path: a .glb, .gltf or .vrm file.
         rate: frames per second in which to take its animation; None for those of its keyframes.
-        animation: name of the animation; None for the first that moves the character.
+        animation: name of the animation, or a file of these suffixes whose first one the character takes over; None
+            for its own first one.
 
     Raises:
         FileError: the file is missing, damaged, compressed, or has neither skin nor animation.
@@ -53,17 +53,11 @@ def _figure(document: Document, rate: float | None, asked: str | None) -> Record
     nodes = read_nodes(document)
     chosen = _joints(document, nodes, asked)
     every = nodes.with_above(chosen)
-    number, remarks = find_animation(document, asked, moving=every)
-    channels = [] if number is None else channels_of(document, number, every)
-    if channels:
-        times, fps = frame_times(channels, rate)
+    if asked is not None and is_elsewhere(asked):
+        moved, fps, remarks = borrowed(document, nodes, every, Path(asked), rate)
     else:
-        fps = rate or STILL_FPS
-        times = np.arange(round(STILL_SECONDS * fps) + 1) / fps
-        remarks.append(f"no animation moves the figure: it stands as it is for {STILL_SECONDS:g} s")
-    if len(times) * len(nodes.names) > LONGEST:
-        raise FileError(f"{document.label}: {len(times)} frames of {len(nodes.names)} nodes are too long a motion")
-    places, turns, stretches = _rigid(nodes, every, chosen, sampled(nodes, channels, times))
+        moved, fps, remarks = _moved(document, nodes, every, rate, asked)
+    places, turns, stretches = world_poses(nodes, every, chosen, moved)
     for each in (places, stretches):
         require_sane(document, each, "joints")
     if (changes := np.ptp(stretches, axis=0).max(axis=(1, 2)) > _STRETCHED * np.abs(stretches).max()).any():
@@ -99,6 +93,22 @@ def _figure(document: Document, rate: float | None, asked: str | None) -> Record
     )
 
 
+def _moved(
+    document: Document, nodes: Nodes, every: Sequence[int], rate: float | None, asked: str | None
+) -> tuple[dict[str, FloatArray], float, list[str]]:
+    """Transforms of all nodes in each frame of the file's own animation, its frame rate, and what was decided."""
+    number, remarks = find_animation(document, asked, moving=every)
+    channels = [] if number is None else channels_of(document, number, every)
+    if channels:
+        times, fps = frame_times(channels, rate)
+    else:
+        fps = rate or STILL_FPS
+        times = np.arange(round(STILL_SECONDS * fps) + 1) / fps
+        remarks.append(f"no animation moves the figure: it stands as it is for {STILL_SECONDS:g} s")
+    require_short(document, len(times), nodes)
+    return sampled(nodes, channels, times), fps, remarks
+
+
 def _joints(document: Document, nodes: Nodes, asked: str | None) -> list[int]:
     """The nodes that count as joints, those above first: of skins, or of an animation where there is no skin.
 
@@ -107,7 +117,7 @@ def _joints(document: Document, nodes: Nodes, asked: str | None) -> list[int]:
     skins = {node["skin"] for node in document.list_of("nodes") if "skin" in node and "mesh" in node}
     own = {joint for skin in skins for joint in document.list_of("skins")[skin]["joints"]}
     if not own:
-        number, _ = find_animation(document, asked, moving=nodes.order)
+        number, _ = find_animation(document, None if asked and is_elsewhere(asked) else asked, moving=nodes.order)
         moved = [] if number is None else channels_of(document, number, nodes.order)
         own = {channel.node for channel in moved}
     if not own:
@@ -123,55 +133,6 @@ def _joints(document: Document, nodes: Nodes, asked: str | None) -> list[int]:
 
 def _parent(nodes: Nodes, node: int, joint_of: dict[int, int]) -> int:
     return joint_of.get(nodes.parents[node], -1)
-
-
-def _rigid(
-    nodes: Nodes, every: Sequence[int], chosen: Sequence[int], local: dict[str, FloatArray]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where joints are in the file's world in each of F frames.
-
-    Args:
-        nodes: of the file.
-        every: the joints and what is above them, those above first.
-        chosen: those whose place is wanted.
-        local: transforms of all nodes to those above, as of `animation.sampled`.
-
-    Returns:
-        Places, shape (F, J, 3), turns wxyz, shape (F, J, 4), and what of the transforms is neither, shape (F, J, 3, 3).
-    """
-    frames = len(local["scale"])
-    count = len(nodes.names)
-    places, linear = np.zeros((frames, count, 3)), np.zeros((frames, count, 3, 3))
-    turns = np.zeros((frames, count, 4))
-    for node in every:
-        parent, rotation = nodes.parents[node], local["rotation"][:, node]
-        own = quaternions.to_matrix(rotation) * local["scale"][:, node, None]
-        if parent < 0:
-            places[:, node], turns[:, node], linear[:, node] = local["translation"][:, node], rotation, own
-            continue
-        moved = np.einsum("fij,fj->fi", linear[:, parent], local["translation"][:, node])
-        places[:, node] = places[:, parent] + moved
-        turns[:, node] = quaternions.multiply(turns[:, parent], rotation)
-        linear[:, node] = linear[:, parent] @ own
-    scales = local["scale"][:, list(every)]
-    if scales.min() <= 0.0 or (np.ptp(scales, axis=2) > _EVEN * scales.max(axis=2)).any():
-        _turn_by_nearest(turns, linear, chosen)
-    stretches = np.swapaxes(quaternions.to_matrix(turns[:, chosen]), -1, -2) @ linear[:, chosen]
-    return places[:, chosen], turns[:, chosen], stretches
-
-
-def _turn_by_nearest(turns: FloatArray, linear: FloatArray, chosen: Sequence[int]) -> None:
-    """Give joints the turn that is nearest to their transform, where scales differ by axes or mirror it.
-
-    It is U V' of the decomposition U S V' (Higham 1986, "Computing the polar decomposition"), mirrored along the first
-    axis where that is no turn. What has lost a dimension keeps the turn that it has by its rotations.
-    """
-    for node in chosen:
-        u, values, v = np.linalg.svd(linear[:, node])
-        nearest = u @ v
-        nearest[np.linalg.det(nearest) < 0.0] *= np.array([-1.0, 1.0, 1.0])
-        sound = values[:, 2] > 1e-6 * values[:, 0]
-        turns[sound, node] = quaternions.from_matrix(nearest[sound])
 
 
 def _in_parents(parents: NDArray[np.int64], places: FloatArray, turns: FloatArray) -> tuple[FloatArray, FloatArray]:

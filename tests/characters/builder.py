@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pygltflib as gl
+from scipy.spatial.transform import Rotation
 
 import motions
 
@@ -194,6 +195,7 @@ def character(
     clips: Sequence[str] = ("Walk",),
     names: Mapping[str, str] | None = None,
     material: gl.Material | None = None,
+    axes: np.ndarray | None = None,
     extensions: Mapping[str, Any] | None = None,
 ) -> Path:
     """A character that walks, below a node "Armature" with a transform of its own.
@@ -209,6 +211,7 @@ def character(
         clips: names of animations; each is a little slower than the one before.
         names: other names of joints, by these.
         material: of the mesh.
+        axes: how each joint's frame is turned in the T-pose, xyzw, shape (J, 4); it then has no animation.
         extensions: of the file.
     """
     who = who or body()
@@ -225,6 +228,16 @@ def character(
     file.top.nodes = nodes
     inverse = np.tile(np.eye(4), (len(who.names), 1, 1))
     inverse[:, :3, 3] = -who.places / unit
+    if axes is not None:
+        clips = ()
+        frames_of = Rotation.from_quat(axes)
+        for joint, parent in enumerate(who.parents):
+            above = frames_of[parent].inv() if parent >= 0 else Rotation.identity()
+            nodes[1 + joint].rotation = (above * frames_of[joint]).as_quat().tolist()
+            nodes[1 + joint].translation = above.apply(local[joint] / unit).tolist()
+        inverse = np.stack([np.eye(4)] * len(who.names))
+        inverse[:, :3, :3] = frames_of.inv().as_matrix()
+        inverse[:, :3, 3] = -frames_of.inv().apply(who.places / unit)
     matrices = file.put(inverse.transpose(0, 2, 1))
     file.top.skins = [gl.Skin(joints=list(range(1, len(who.names) + 1)), inverseBindMatrices=matrices)]
     plain = {"POSITION": who.vertices / unit, "NORMAL": who.normals}

@@ -107,7 +107,7 @@ def test_what_is_too_large_is_refused_before_it_is_made(tmp_path, monkeypatch):
         motions.load(path)
     assert limits.LARGEST_DESCRIPTION > 1000
     monkeypatch.undo()
-    monkeypatch.setattr("motions.gltf.reader.LONGEST", 10)
+    monkeypatch.setattr("motions.gltf.poses.LONGEST", 10)
     with pytest.raises(FileError, match="too long a motion"):
         motions.load(path, rate=1000.0)
 
