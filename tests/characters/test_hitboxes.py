@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
+from scipy.spatial.transform import Rotation
 
 import motions
 import skeleton
@@ -11,6 +13,7 @@ from motions import quaternions
 from motions.skin import SkinPiece
 from skeleton import Capsule, Skeleton
 from skeleton.robot.links import find_links
+from skeleton.skinned.bind_pose import in_bind_pose
 from skeleton.skinned.surfaces import bone_surfaces
 from tests.characters.builder import body, character
 
@@ -90,3 +93,33 @@ def test_hitboxes_go_where_the_mesh_goes(hero):
     rest = hero.rest
     placed = rest.positions[index] + quaternions.rotate(rest.rotations_wxyz[index], surface.vertices)
     assert placed[:, 2].max() == pytest.approx(rest.positions[index, 2] + 0.17, abs=0.05)
+
+
+def test_the_pose_that_the_mesh_was_bound_in_is_found_again(tmp_path):
+    axes = Rotation.from_quat(np.random.default_rng(1).normal(size=(len(BODY.names), 4))).as_quat()
+    clip = motions.load(character(tmp_path / "hero.glb", BODY, axes=axes, unit=0.01, root={"scale": [0.01] * 3}))
+    who = Skeleton.from_clip(clip)
+    assert who.skin is not None
+    # Bent by hand, so that the mean over the motion is no T-pose.
+    turned = who.rest.rotations_wxyz + np.random.default_rng(2).normal(scale=0.3, size=who.rest.rotations_wxyz.shape)
+    bent = replace(who.rest, rotations_wxyz=quaternions.normalize(turned))
+    bound = in_bind_pose(bent, who.skin)
+    middles, expected = [], []
+    for surface in bone_surfaces(who.skin, who.bones):
+        index = who.bones.index(surface.bone)
+        placed = bound.positions[index] + quaternions.rotate(bound.rotations_wxyz[index], surface.vertices)
+        middles.append(placed.mean(axis=0))
+        expected.append(BODY.vertices[BODY.joints[:, 0] == BODY.names.index(surface.bone)].mean(axis=0))
+    np.testing.assert_allclose(cdist(middles, middles), cdist(expected, expected), atol=1e-5)
+    assert np.allclose(bound.positions[0], 0.0)
+
+
+def test_both_sides_get_alike_solids_of_meshes_that_are_nearly_alike(hero):
+    right, left = _part(hero, "mixamorig:RightForeArm"), _part(hero, "mixamorig:LeftForeArm")
+    uneven = 1.0 + 0.02 * np.random.default_rng(0).normal(size=right.vertices.shape)
+    center = right.vertices[np.unique(right.triangles)].mean(axis=0)
+    right = replace(right, vertices=center + uneven * (right.vertices - center))
+    solids = skeleton.hitboxes_of(replace(hero, skin=replace(hero.skin, pieces=(left, right)))).solids
+    assert {solid.name for solid in solids} == {"left_forearm", "right_forearm"}
+    first, second = (float(np.linalg.norm(solid.end - solid.start)) for solid in solids if isinstance(solid, Capsule))
+    assert first == pytest.approx(second, abs=1e-9)
