@@ -16,14 +16,15 @@ from motions.bodies.roles import find_roles
 from motions.errors import FileError
 from motions.gltf.animation import channels_of, find_animation, frame_times, sampled
 from motions.gltf.document import SUFFIXES, Document, reading
-from motions.gltf.humanoid import faces_back, human_bones, roles_of_file
+from motions.gltf.humanoid import human_bones, roles_of_file
 from motions.gltf.nodes import Nodes, read_nodes
 from motions.gltf.poses import require_short, world_poses
 
 FloatArray = NDArray[np.float64]
 
 _ENOUGH = 10  # names that two files share by which their bones are told apart
-_HALF_TURN = np.array([0.0, 0.0, 1.0, 0.0])  # about Y
+_STEP, _NEARLY = np.pi / 2.0, np.radians(10.0)
+"""Files face along an axis: what is this near to one of these angles is taken for it."""
 
 
 def is_elsewhere(animation: str) -> bool:
@@ -68,20 +69,18 @@ def borrowed(
         chosen = sorted(set(pairs.values()))
         places, turns, _ = world_poses(theirs, needed, chosen, sampled(theirs, channels, times))
         at_rest = world_poses(theirs, needed, chosen, sampled(theirs, [], np.zeros(1)))
-    # What each bone has turned in the world, and where it went, seen from where the figure faces.
-    if faces_back(document) != faces_back(other):
-        half = _HALF_TURN
-        places, rest_places = quaternions.rotate(half, places), quaternions.rotate(half, at_rest[0])
-        turned = quaternions.multiply(turns, quaternions.conjugate(at_rest[1]))
-        turned = quaternions.multiply(quaternions.multiply(half, turned), quaternions.conjugate(half))
-    else:
-        rest_places, turned = at_rest[0], quaternions.multiply(turns, quaternions.conjugate(at_rest[1]))
     column = {own: chosen.index(its) for own, its in pairs.items()}
     found = sampled(nodes, [], np.zeros(len(times)))
     own_places, own_turns, stretches = world_poses(nodes, every, every, sampled(nodes, [], np.zeros(1)))
+    place_of = {node: k for k, node in enumerate(every)}
+    # What each bone has turned in the world, and where it went, seen from where the figure faces.
+    sides = [node for node in _sides(document, nodes) if node in column]
+    facing = _facing(own_places[0, [place_of[n] for n in sides]], at_rest[0][0, [column[n] for n in sides]])
+    places, rest_places = quaternions.rotate(facing, places), quaternions.rotate(facing, at_rest[0])
+    turned = quaternions.multiply(turns, quaternions.conjugate(at_rest[1]))
+    turned = quaternions.multiply(quaternions.multiply(facing, turned), quaternions.conjugate(facing))
     world = np.repeat(own_turns, len(times), axis=0)
     identity = np.broadcast_to([1.0, 0.0, 0.0, 0.0], world[:, 0].shape)
-    place_of = {node: k for k, node in enumerate(every)}
     for k, node in enumerate(every):
         above = world[:, place_of[nodes.parents[node]]] if nodes.parents[node] >= 0 else identity
         if node in column:
@@ -100,6 +99,26 @@ def borrowed(
         went = np.linalg.solve(linear, (went - own_places[0, k]).T).T
     found["translation"][:, hips] = went
     return found, fps, [*remarks, f"animation: of {path.name}, whose {len(pairs)} bones move those that match them"]
+
+
+def _sides(document: Document, nodes: Nodes) -> list[int]:
+    """The left and the right one of a pair of limbs; none where they are unknown."""
+    roles = _roles(document, nodes)
+    for limb in ("upper_arm", "thigh", "shoulder"):
+        if all(f"{side}_{limb}" in roles for side in ("left", "right")):
+            return [roles[f"left_{limb}"], roles[f"right_{limb}"]]
+    return []
+
+
+def _facing(own: FloatArray, its: FloatArray) -> FloatArray:
+    """The turn about Y, wxyz, that has the other figure face as this one does, by both sides of each, shape (2, 3)."""
+    if len(own) < 2:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    first, second = (np.arctan2(-(left - right)[2], (left - right)[0]) for left, right in (own, its))
+    angle = first - second
+    if abs(angle - _STEP * np.rint(angle / _STEP)) < _NEARLY:
+        angle = _STEP * np.rint(angle / _STEP)
+    return np.array([np.cos(angle / 2.0), 0.0, np.sin(angle / 2.0), 0.0])
 
 
 def _hips(document: Document, nodes: Nodes, pairs: dict[int, int]) -> int:

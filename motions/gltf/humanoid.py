@@ -30,12 +30,6 @@ def human_bones(document: Document) -> dict[str, int]:
     return {bone: node for bone, node in found.items() if isinstance(node, int) and 0 <= node < nodes}
 
 
-def faces_back(document: Document) -> bool:
-    """Whether its figure faces -Z, as version 0 has it, and not +Z as all else."""
-    extensions = document.top.get("extensions", {})
-    return "VRM" in extensions and "VRMC_vrm" not in extensions
-
-
 def _bones(extensions: dict[str, Any]) -> dict[str, Any]:
     for kind in ("VRMC_vrm", "VRMC_vrm_animation"):
         if (one := extensions.get(kind)) is not None:

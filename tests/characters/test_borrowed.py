@@ -43,7 +43,9 @@ def test_one_of_version_0_faces_the_other_way(tmp_path, walk):
 
 
 def test_names_that_both_have_will_do(tmp_path):
-    source = character(tmp_path / "walk.glb", BODY, frames=FRAMES, unit=0.01, root={"scale": [0.01] * 3})
+    # One that faces +X, in centimetres.
+    own = {"scale": [0.01] * 3, "rotation": [0.0, 0.5**0.5, 0.0, 0.5**0.5]}
+    source = character(tmp_path / "walk.glb", BODY, frames=FRAMES, unit=0.01, root=own)
     hero = character(tmp_path / "hero.glb", BODY, axes=AXES)
     clip = motions.load(hero, animation=str(source))
     assert np.abs(drawn(clip) - expected(FRAMES)).max() < SAME
