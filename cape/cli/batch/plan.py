@@ -10,7 +10,7 @@ from pathlib import Path
 
 from motions.errors import FileError, UserError
 
-FOLDER_OF = (".bvh",)  # what is taken of a folder
+FOLDER_OF = (".bvh", ".glb", ".gltf", ".vrm")  # what is taken of a folder
 LONGEST_NAME = 150  # bytes: file systems take 255
 
 
