@@ -64,7 +64,7 @@ def clips_of(asked: Iterable[str]) -> list[str]:
             continue
         inside = sorted(path for path in Path(clip).rglob("*") if path.suffix.lower() in FOLDER_OF and path.is_file())
         if not inside:
-            raise FileError(f"no {' or '.join(FOLDER_OF)} files are in the folder {clip}")
+            raise FileError(f"no motion ({', '.join(FOLDER_OF)}) is in the folder {clip}")
         found += map(str, inside)
     return list({_absolute(clip) or clip: clip for clip in found}.values())
 

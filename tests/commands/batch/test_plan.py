@@ -26,13 +26,13 @@ def test_names_tell_clips_of_one_name_apart():
 
 
 def test_a_folder_stands_for_the_motions_within_and_each_counts_once(tmp_path: Path):
-    for name in ("b.bvh", "a.BVH", "in/c.bvh", "notes.txt"):
+    for name in ("b.bvh", "a.BVH", "in/c.bvh", "d.vrm", "notes.txt"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
     found = plan.clips_of(["walk", str(tmp_path), str(tmp_path / "in" / "c.bvh"), "walk"])
-    assert found == ["walk", *(str(tmp_path / name) for name in ("a.BVH", "b.bvh", "in/c.bvh"))]
+    assert found == ["walk", *(str(tmp_path / name) for name in ("a.BVH", "b.bvh", "d.vrm", "in/c.bvh"))]
     (tmp_path / "none").mkdir()
-    with pytest.raises(FileError, match=r"no \.bvh files are in the folder"):
+    with pytest.raises(FileError, match=r"no motion \(\.bvh, \.glb"):
         plan.clips_of([str(tmp_path / "none")])
 
 
