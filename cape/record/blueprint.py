@@ -34,6 +34,7 @@ def layout(
     linings: Mapping[str, Color | None] | None = None,
     notes: str | None = None,
     skinned: bool = False,
+    follow: bool = False,
 ) -> rrb.Blueprint:
     """A view that follows the figure from behind, a second one for debugging contact a tab away, the curves below.
 
@@ -48,12 +49,14 @@ def layout(
         linings: colours of the cloths' insides by the cloths' paths, None for that of the outside; None for no cloth.
         notes: path of an entity with text to read beside the curves; None for none.
         skinned: whether the body is a mesh of the character's own.
+        follow: show what comes last, as frames come, instead of playing it round and round.
     """
     import rerun.blueprint as rrb
 
     linings = linings or {}
     scene = _scene(layers, height, colliders, tab, linings, skinned=skinned)
-    time = rrb.TimePanel(timeline="time", state="collapsed", play_state="playing", loop_mode="all")
+    playing: dict[str, Any] = {"play_state": "following"} if follow else {"play_state": "playing", "loop_mode": "all"}
+    time = rrb.TimePanel(timeline="time", state="collapsed", **playing)
     if "plots" not in layers:
         return rrb.Blueprint(scene, time, collapse_panels=True)
     legend = rrb.PlotLegend(visible=len(linings) > 1)

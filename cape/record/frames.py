@@ -24,11 +24,13 @@ class Frames:
         numbers: which frames of the motion they are, increasing, shape (F,).
         times: their times [s], shape (F,).
         begins: whether what holds at all times goes with them; not with frames that follow others.
+        first: number in the recording of the motion's frame 0.
     """
 
     numbers: NDArray[np.int64]
     times: NDArray[np.float64]
     begins: bool = True
+    first: int = 0
 
     def blocks(self, bytes_per_frame: int) -> Iterator[slice]:
         """Cut the frames into runs that fill a chunk each."""
@@ -58,7 +60,7 @@ class Frames:
         """
         import rerun as rr
 
-        numbers = self.numbers[block]
+        numbers = self.numbers[block] + self.first
         nanoseconds = np.rint(self.times[block] * 1e9).astype("timedelta64[ns]")
         indexes = [rr.TimeColumn("frame", sequence=numbers), rr.TimeColumn("time", duration=nanoseconds)]
         batches = []

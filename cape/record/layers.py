@@ -83,7 +83,8 @@ def log_skeleton(stream: rr.RecordingStream, bones: BoneTrack, frames: Frames) -
     import rerun as rr
 
     links = drawn_links(bones)
-    send_once(stream, "/world/skeleton", rr.LineStrips3D.from_fields(radii=BONE_RADIUS, colors=BONE_COLOR))
+    if frames.begins:
+        send_once(stream, "/world/skeleton", rr.LineStrips3D.from_fields(radii=BONE_RADIUS, colors=BONE_COLOR))
     ends = bones.positions[frames.numbers][:, links]
     frames.send(stream, "/world/skeleton", rr.LineStrips3D, {"strips": ends.astype(np.float32)})
 

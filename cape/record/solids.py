@@ -184,17 +184,18 @@ class _Drawing:
         import rerun as rr
 
         axes = np.array([capsule.end - capsule.start for capsule in capsules])
-        send_once(
-            self.stream,
-            self.capsules,
-            rr.Capsules3D.from_fields(
-                lengths=np.linalg.norm(axes, axis=-1),
-                radii=[capsule.radius for capsule in capsules],
-                colors=[self._color(collider) for collider in colliders],
-                fill_mode=rr.components.FillMode.TransparentFillMajorWireframe,
-                **self._names(colliders),
-            ),
-        )
+        if self.frames.begins:
+            send_once(
+                self.stream,
+                self.capsules,
+                rr.Capsules3D.from_fields(
+                    lengths=np.linalg.norm(axes, axis=-1),
+                    radii=[capsule.radius for capsule in capsules],
+                    colors=[self._color(collider) for collider in colliders],
+                    fill_mode=rr.components.FillMode.TransparentFillMajorWireframe,
+                    **self._names(colliders),
+                ),
+            )
         positions, rotations = bone_poses(self.bones, [collider.bone for collider in colliders], self.frames)
         starts = np.array([capsule.start for capsule in capsules])
         translations = positions + quaternions.rotate(rotations, starts)
@@ -212,12 +213,14 @@ class _Drawing:
         modes = rr.components.FillMode
         fill_mode = modes.MajorWireframe if flat else modes.TransparentFillMajorWireframe
         shape = {"half_sizes": [outline.half_sizes], "colors": [self._color(collider)], "fill_mode": fill_mode}
-        send_once(self.stream, path, archetype.from_fields(**shape, **self._names([collider])))
+        if self.frames.begins:
+            send_once(self.stream, path, archetype.from_fields(**shape, **self._names([collider])))
         positions, rotations = bone_poses(self.bones, [collider.bone], self.frames)
         centers = (positions + quaternions.rotate(rotations, outline.center)).astype(np.float32)
         turned = xyzw(quaternions.multiply(rotations, outline.rotation_wxyz))
         if collider.bone is None:
-            send_once(self.stream, path, archetype.from_fields(centers=centers[0], quaternions=turned[0]))
+            if self.frames.begins:
+                send_once(self.stream, path, archetype.from_fields(centers=centers[0], quaternions=turned[0]))
         else:
             self.frames.send(self.stream, path, archetype, {"centers": centers, "quaternions": turned})
 
@@ -238,6 +241,19 @@ class _Drawing:
         import rerun as rr
 
         path = self._path(collider)
+        if self.frames.begins:
+            self._send_mesh(path, collider, outline)
+        positions, rotations = bone_poses(self.bones, [collider.bone], self.frames)
+        columns = {
+            "translation": (positions + quaternions.rotate(rotations, outline.origin)).astype(np.float32),
+            "quaternion": xyzw(quaternions.multiply(rotations, outline.rotation_wxyz)),
+        }
+        self.frames.send(self.stream, path, rr.Transform3D, columns)
+
+    def _send_mesh(self, path: str, collider: Collider, outline: MeshOutline) -> None:
+        """The mesh itself, and its name."""
+        import rerun as rr
+
         mesh = rr.Mesh3D(
             vertex_positions=outline.vertices,
             vertex_normals=outline.normals,
@@ -248,9 +264,3 @@ class _Drawing:
         if names := self._names([collider]):
             color = self._color(collider)
             send_once(self.stream, path, rr.Points3D([outline.middle], radii=LABEL_RADIUS, colors=color, **names))
-        positions, rotations = bone_poses(self.bones, [collider.bone], self.frames)
-        columns = {
-            "translation": (positions + quaternions.rotate(rotations, outline.origin)).astype(np.float32),
-            "quaternion": xyzw(quaternions.multiply(rotations, outline.rotation_wxyz)),
-        }
-        self.frames.send(self.stream, path, rr.Transform3D, columns)

@@ -26,20 +26,26 @@ class Kept:
 
     Attributes:
         shape: of a row.
+        in_memory: bytes from which on they are on disk.
     """
 
-    def __init__(self, shape: tuple[int, ...], dtype: type[np.generic]) -> None:
-        """Nothing is kept yet."""
+    def __init__(self, shape: tuple[int, ...], dtype: type[np.generic], *, in_memory: int = IN_MEMORY) -> None:
+        """Nothing is kept yet; from so many bytes on it is on disk."""
         self.shape, self._dtype = shape, np.dtype(dtype)
         self._row = self._dtype.itemsize * int(np.prod(shape, dtype=np.int64))
         self._parts: list[NDArray[Any]] = []
         self._count = 0
         self._file: IO[bytes] | None = None
-        self._most = IN_MEMORY
+        self.in_memory = self._most = in_memory
 
     def __len__(self) -> int:
         """How many rows there are."""
         return self._count
+
+    @property
+    def size(self) -> int:
+        """How much they are [bytes]."""
+        return self._count * self._row
 
     def add(self, rows: NDArray[Any]) -> None:
         """Add rows, shape (n, ...)."""

@@ -3,17 +3,24 @@
 import numpy as np
 
 from cape.measure.contact_points import ContactPoints
-from cape.results.kept import Kept
+from cape.results.kept import IN_MEMORY, Kept
 
 
 class KeptContacts:
     """Contacts of frames, added one after the other."""
 
-    def __init__(self) -> None:
-        """Nothing is kept yet."""
+    def __init__(self, *, in_memory: int = IN_MEMORY) -> None:
+        """Nothing is kept yet; of each of their arrays so many bytes stay in memory."""
         self._starts = [0]
-        self._points, self._normals = Kept((3,), np.float32), Kept((3,), np.float32)
-        self._depths, self._colliders, self._vertices = Kept((), np.float32), Kept((), np.int32), Kept((), np.int32)
+        self._points, self._normals = (Kept((3,), np.float32, in_memory=in_memory) for _ in range(2))
+        self._depths = Kept((), np.float32, in_memory=in_memory)
+        self._colliders, self._vertices = (Kept((), np.int32, in_memory=in_memory) for _ in range(2))
+
+    @property
+    def size(self) -> int:
+        """How much they are [bytes]."""
+        kept = (self._points, self._normals, self._depths, self._colliders, self._vertices)
+        return sum(each.size for each in kept)
 
     def add(self, contacts: ContactPoints) -> None:
         """Add the contacts of a frame."""

@@ -56,7 +56,7 @@ def padded(places: NDArray[np.float32], count: int) -> NDArray[np.float32]:
 
 def with_room(kept: Kept, vertices: int) -> Kept:
     """Frames of positions that are kept, with room for so many vertices."""
-    larger, before = Kept((vertices, 3), np.float32), kept.array()
+    larger, before = Kept((vertices, 3), np.float32, in_memory=kept.in_memory), kept.array()
     for part in blocks(before):
         larger.add(np.pad(before[part], ((0, 0), (0, vertices - before.shape[1]), (0, 0))))
     return larger

@@ -57,6 +57,7 @@ class Hanging:
         journal: of the last frame that was noted.
         limit: of the strain of its threads, from frame to frame.
         time: since the bones left their first pose [s].
+        weather: what blows.
     """
 
     def __init__(self, scene: Scene, solver: Solver, pose: Pose, *, threads: int) -> None:
@@ -67,8 +68,7 @@ class Hanging:
         """
         self._solver, self._threads = solver, threads
         first, pose = pose, putting_on.dressing_pose(scene, pose)
-        positions = putting_on.placed(scene, pose)
-        self.origin = np.round(positions.mean(axis=0))
+        self.origin = np.round((positions := putting_on.placed(scene, pose)).mean(axis=0))
         self.pose, self._first = pose.moved(-self.origin), first.moved(-self.origin)
         positions = positions - self.origin
         self.held = held = [putting_on.held_by(scene, a, self.pose, positions) for a in scene.attachments]
@@ -83,7 +83,7 @@ class Hanging:
         ]
         self._animate(positions)
         self._center, self.strained = np.zeros(3), False
-        self.time, self._weather, self.keeps_journal = 0.0, Weather(self.assembly), False
+        self.time, self.weather, self.keeps_journal = 0.0, Weather(self.assembly), False
         self.journal: Journal | None = None
 
     def _animate(self, positions: FloatArray) -> None:
@@ -160,7 +160,7 @@ class Hanging:
 
     def begin_in(self, assembly: Assembly, state: State) -> None:
         """Set out in another assembly of the same scene, or one of more vertices, at a state about the same origin."""
-        self.assembly, self.state, self._weather = assembly, state, Weather(assembly)
+        self.assembly, self.state, self.weather = assembly, state, Weather(assembly)
         self._begin()
         self._aim()
 
@@ -224,7 +224,7 @@ class Hanging:
         """
         stream = self.assembly.stream
         if stream is not None:
-            self._weather.blow(self.state, self.origin, (self.pose, pose), self.time, duration)
+            self.weather.blow(self.state, self.origin, (self.pose, pose), self.time, duration)
             for velocities in (stream.begin, stream.end):
                 velocities -= np.reshape(against, (-1, 1))
 

@@ -105,7 +105,7 @@ def simulate(
     started = time.perf_counter()
     simulation.compile(first_pose, measured=scene)
     compiled = time.perf_counter()
-    velocity, spin = _first_motion(scene, track, cuts)
+    velocity, spin = first_motion(scene, track, cuts)
     warned = simulation.substeps > MANY and forewarn(simulation, np.diff(track.times), first_pose)
     simulation.start(first_pose, settle=settle, velocity=velocity, spin=spin)
     times = Times(compiled - started, time.perf_counter() - compiled)
@@ -173,7 +173,7 @@ def _simulation_of(
     return AutoSimulation(scene, solver, threads=threads, cuts=cuts)
 
 
-def _first_motion(scene: Scene, track: BoneTrack, cuts: Cuts | None) -> tuple[FloatArray, FloatArray]:
+def first_motion(scene: Scene, track: BoneTrack, cuts: Cuts | None) -> tuple[FloatArray, FloatArray]:
     """Mean velocity [m/s] and spin [rad/s] at the start of the bones that hold the cloth, each of shape (3,).
 
     None where the bones jump away from the first frame.

@@ -5,6 +5,7 @@ import time
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cape.air.wind import Wind
 from cape.assembly.assemble import Assembly
 from cape.kernels import store
 from cape.kernels.bones import Motion
@@ -239,6 +240,15 @@ class Simulation(MayTear):
             raise ValueRangeError("a ledger keeps the accounts of one solver, which can't be changed")
         self._started.change_solver(solver)
         self.solver = solver
+
+    def turn_wind(self, wind: Wind) -> None:
+        """Have another wind of the same air blow from now on.
+
+        Raises:
+            ValueRangeError: the simulation has not been started, its scene has no air, or its wind is steady and this
+                one is not.
+        """
+        self._started.weather.turn_to(wind)
 
     def toward_limit(self, dt: float, substeps: int) -> Solver:
         """What leads soonest to where ever shorter steps would lead than `substeps` in `dt` [s], and how many of them

@@ -53,6 +53,8 @@ def log_body(stream: rr.RecordingStream, bones: BoneTrack, colliders: Sequence[C
             "quaternion": xyzw(rotations[:, [place]]),
         }
         frames.send(stream, rr.new_entity_path(["world", "body", bone]), rr.Transform3D, columns)
+    if not frames.begins:
+        return
     for name, (bone, balls) in parts.items():
         vertices, normals, triangles = hull_of_balls(balls)
         mesh = rr.Mesh3D(

@@ -36,6 +36,8 @@ def log_robot(stream: rr.RecordingStream, bones: BoneTrack, surfaces: Sequence[L
             "quaternion": xyzw(rotations[:, [place]]),
         }
         frames.send(stream, rr.new_entity_path(["world", "robot", bone]), rr.Transform3D, columns)
+    if not frames.begins:
+        return
     for surface in surfaces:
         path = rr.new_entity_path(["world", "robot", surface.bone or "world", surface.name])
         positions, normals, triangles = shaded(surface)

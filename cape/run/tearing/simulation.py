@@ -65,6 +65,14 @@ class MayTear(ABC):
             return Topology(0, cloth.triangles, np.arange(vertices))
         return Topology(0, self._tears.triangles, self._tears.sheet.parents)
 
+    def own_substeps(self, dt: float) -> int:
+        """Steps in `dt` [s] that the solver would choose, whatever was asked for.
+
+        Raises:
+            ValueRangeError: the simulation has not been started.
+        """
+        return self._started.own_choice(dt, strained=self._started.strained)
+
     def tear(self, vertices: ArrayLike) -> int:
         """Part the edges from each of some vertices to the next.
 

@@ -1,0 +1,265 @@
+"""What can be changed of a cloth while it is simulated; whatever takes long is made ready beside the run."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cape.cloth.fabric import Fabric
+from cape.cloth.fabrics import fabric as fabric_named
+from cape.live.builder import Builder
+from cape.live.holds import corners, rim, tear_path
+from cape.live.rig import Built, Rig
+from cape.scene.scene import Scene
+from cape.scene.self_contact import SelfContact
+from cape.solvers import Solver
+from cape.solvers import solver as solver_named
+from motions import quaternions
+from motions.errors import UnknownNameError, ValueRangeError
+
+Change = Callable[[], str | None]
+
+SCENE, SOLVER = "scene", "solver"
+BREEZE = (-3.0, 0.0, 0.0)  # m/s, of a wind that is turned on where there was none
+AROUND = 5  # where along the rim tears begin, one after the other
+
+
+class Changes:
+    """Asks the thread of the physics for changes; each is told in the status when it is done.
+
+    What a change gives up on, such as an unknown name, is told there as well.
+
+    Attributes:
+        solver: that was asked for.
+    """
+
+    def __init__(self, rig: Rig, builder: Builder, do: Callable[[Change], None]) -> None:
+        """Change a rig; `do` has things done between two frames."""
+        self._rig, self._builder, self._do = rig, builder, do
+        self.solver = rig.solver
+        self._wanted = rig.scene
+        self._compiled = {rig.solver.name}
+        self._calm = rig.scene.wind
+        self._tears = 0
+
+    # -- wind --
+
+    def set_wind(self, velocity: ArrayLike) -> None:
+        """Have the air move at a velocity [m/s], shape (3,)."""
+        self._do(lambda: self._blow(np.asarray(velocity, dtype=float)))
+
+    def switch_wind(self) -> None:
+        """Turn the wind off, or on again."""
+
+        def switch() -> str | None:
+            now = self._velocity()
+            if now.any():
+                self._calm = self._rig.wind
+                return self._blow(np.zeros(3))
+            before = np.zeros(3) if self._calm is None else np.array(self._calm.velocity)
+            return self._blow(before if before.any() else np.array(BREEZE))
+
+        self._do(switch)
+
+    def turn_wind(self, degrees: float) -> None:
+        """Turn the wind about the vertical, counter-clockwise as seen from above."""
+
+        def turn() -> str | None:
+            now = self._velocity()
+            about = quaternions.from_rotation_vector(np.array([0.0, 0.0, np.radians(degrees)]))
+            return self._blow(quaternions.rotate(about, now if now.any() else np.array(BREEZE)))
+
+        self._do(turn)
+
+    def _velocity(self) -> NDArray[np.float64]:
+        return np.zeros(3) if self._rig.wind is None else np.array(self._rig.wind.velocity, dtype=float)
+
+    def _blow(self, velocity: NDArray[np.float64]) -> str | None:
+        if self._rig.wind is None:
+            return "the scene has no air"
+        x, y, z = (float(part) for part in velocity)
+        self._rig.turn_wind(replace(self._rig.wind, velocity=(x, y, z)))
+        return f"wind {x:.1f} {y:.1f} {z:.1f} m/s" if velocity.any() else "no wind"
+
+    # -- solver --
+
+    def set_solver(self, name: str | Solver, *, substeps: int | None = None) -> None:
+        """Go on with a solver, by its name or as it is."""
+
+        def change() -> str | None:
+            asked = solver_named(name, substeps=substeps) if isinstance(name, str) else name
+            self.solver = asked
+            self.use(asked, f"solver {asked.name}")
+            return None
+
+        self._do(change)
+
+    def set_substeps(self, factor: float) -> None:
+        """Take so many times as many substeps as there are now."""
+
+        def change() -> str | None:
+            now = self._rig.simulation.substeps
+            count = max(round(now * factor), 1) if factor > 1.0 else max(int(now * factor), 1)
+            self.solver = replace(self._rig.solver, substeps=count)
+            self.use(self.solver, f"{count} substeps")
+            return None
+
+        self._do(change)
+
+    def use(self, solver: Solver, told: str) -> None:
+        """Go on with a solver once its code is there; on the thread of the physics."""
+
+        def change(_: object) -> str:
+            self._compiled.add(solver.name)
+            self._rig.change_solver(solver)
+            return told
+
+        if solver.name in self._compiled:
+            # At once, in the order of what else waits.
+            self._do(lambda: change(None))
+            return
+        scene = self._rig.scene
+        pose = self._rig.pose_for(scene)
+        self._builder.ask(SOLVER, lambda: self._rig.compile(scene, solver, pose), change)
+
+    # -- scene --
+
+    def set_fabric(self, fabric: str | Fabric) -> None:
+        """Have the cloth be of another fabric."""
+
+        def made(scene: Scene) -> tuple[Scene, str]:
+            of = fabric_named(fabric) if isinstance(fabric, str) else fabric
+            # The same threads as before, whatever they are limited by.
+            return replace(scene, cloth=replace(scene.cloth, fabric=of)), f"fabric {fabric}"
+
+        self._change_scene(made)
+
+    def set_self_contact(self, on: bool | None = None) -> None:
+        """Have the cloth touch itself, or pass through itself; None for whichever it does not do."""
+
+        def made(scene: Scene) -> tuple[Scene, str]:
+            wanted = scene.self_contact is None if on is None else on
+            return replace(scene, self_contact=SelfContact() if wanted else None), (
+                "self-contact" if wanted else "no self-contact"
+            )
+
+        self._change_scene(made)
+
+    def pin(self, place: str | int | ArrayLike) -> None:
+        """Pin a part of the cloth where it is, or let go of it where it is held.
+
+        Args:
+            place: a corner or a region by its name, the number of a corner, or vertices.
+        """
+
+        def made(_: Scene) -> tuple[Scene, str]:
+            vertices, name = self._part(place)
+            scene, held = self._rig.with_pin(vertices, f"pin {name}")
+            return scene, f"{name} {'pinned' if held else 'let go'}"
+
+        self._change_scene(made)
+
+    def tear(self, path: ArrayLike | None = None) -> None:
+        """Tear the cloth along a path of vertices, None for one from its rim inwards, each time at another place."""
+
+        def tear() -> str | None:
+            along = self._next_tear() if path is None else path
+            if self._rig.scene.tearing is None:
+                self._ask(self._rig.with_tearing(), "", then=lambda: _told_tears(self._rig.tear(along)))
+                return None
+            return _told_tears(self._rig.tear(along))
+
+        self._do(tear)
+
+    def reset(self) -> None:
+        """Put the cloth of the first scene on anew where its bones are, with the fabric that it has now."""
+
+        def reset() -> str | None:
+            first = self._rig.first
+            fabric = self._rig.scene.cloth.fabric
+            self._rig.hands.take_back()
+            self._ask(replace(first, cloth=replace(first.cloth, fabric=fabric)), "put on anew", anew=True)
+            return None
+
+        self._do(reset)
+
+    def move(self, bone: str, by: ArrayLike) -> None:
+        """Move a bone, or what is pinned, by a vector in the world [m]."""
+
+        def move() -> str | None:
+            try:
+                self._rig.hands.move(bone, by)
+            except KeyError:
+                raise UnknownNameError("bone", bone, self._rig.hands.names) from None
+            return None
+
+        self._do(move)
+
+    @property
+    def corners(self) -> tuple[str, ...]:
+        """Names of what can be pinned."""
+        return tuple(corners(self._rig.first.cloth))
+
+    @property
+    def bones(self) -> tuple[str, ...]:
+        """Names of what can be moved."""
+        return self._rig.hands.names
+
+    def _change_scene(self, made: Callable[[Scene], tuple[Scene, str]]) -> None:
+        def change() -> str | None:
+            self._ask(*made(self._wanted))
+            return None
+
+        self._do(change)
+
+    def _ask(self, scene: Scene, told: str, *, anew: bool = False, then: Callable[[], str] | None = None) -> None:
+        """Have another scene made ready, and gone on with; several that wait become one."""
+        if self._rig.simulation.tears and not anew:
+            raise ValueRangeError("a cloth that has torn stays as it is, until it is put on anew")
+        solver, before = self._rig.solver, self._wanted
+        self._wanted = scene
+        pose = self._rig.pose_for(scene)
+
+        def take_over(built: Built) -> str:
+            try:
+                self._rig.take_over(built)
+            except BaseException:
+                self._wanted = self._rig.scene
+                raise
+            return told if then is None else then()
+
+        def make() -> Built:
+            try:
+                return self._rig.build(scene, solver, pose, anew=anew)
+            except BaseException:
+                self._wanted = before
+                raise
+
+        self._builder.ask(SCENE, make, take_over)
+
+    def _part(self, place: str | int | ArrayLike) -> tuple[NDArray[np.int64], str]:
+        cloth = self._rig.first.cloth
+        known = corners(cloth)
+        if isinstance(place, int):
+            if not 0 <= place < len(known):
+                raise ValueRangeError(f"there are {len(known)} corners to pin: {', '.join(known)}")
+            place = tuple(known)[place]
+        if isinstance(place, str):
+            if place not in known and place not in cloth.regions:
+                raise UnknownNameError("corner", place, [*known, *cloth.regions])
+            return np.asarray(known.get(place, cloth.regions.get(place)), np.int64), place
+        vertices = cloth.region(np.asarray(place))
+        return vertices, f"vertex {int(vertices[0])}"
+
+    def _next_tear(self) -> NDArray[np.int64]:
+        """Where to tear next: in turn along the lower half of the rim, which hangs free most often."""
+        cloth = self._rig.first.cloth
+        around = rim(cloth)
+        share = (0.0, 0.12, -0.12, 0.06, -0.06)[self._tears % AROUND]
+        self._tears += 1
+        return tear_path(cloth, int(around[round(share * len(around)) % len(around)]))
+
+
+def _told_tears(count: int) -> str:
+    return f"{count} edges torn" if count else "nothing tears here any more"

@@ -1,0 +1,95 @@
+"""Where a live run is seen: a viewer and the feed to it, started anew where there is not enough room."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cape.live.feed.mailbox import LiveFrame
+from cape.live.feed.sender import Sender
+from cape.live.feed.viewers import ViewerProcess
+from cape.live.rig import Rig
+from cape.record.moments import Shown
+from skeleton.robot.link_surfaces import LinkSurface
+
+ROOM = 4  # times as many vertices as there are, for those that tears add
+STUCK = 2.0  # [s] without a frame, from which on it is said that the viewer does not answer
+
+
+class Screen:
+    """Shows a rig."""
+
+    def __init__(self, rig: Rig, name: str, *, viewing: str, bind: str, surfaces: Sequence[LinkSurface] = ()) -> None:
+        """Open the viewer.
+
+        Args:
+            rig: whose frames.
+            name: what it is called.
+            viewing: "window", "web", or the URL of a viewer that runs.
+            bind: address to listen on.
+            surfaces: meshes that the bones carry.
+
+        Raises:
+            UserError: the viewer does not start.
+        """
+        self._rig, self._name, self._surfaces = rig, name, tuple(surfaces)
+        self._known: tuple[object, ...] = ()
+        self._setup = 0
+        own = viewing in ("window", "web")
+        self.viewer = ViewerProcess(web=viewing == "web", bind=bind) if own else None
+        url = viewing if self.viewer is None else self.viewer.url
+        try:
+            vertices = ROOM * rig.scene.cloth.vertices
+            self.sender = Sender(url, vertices=vertices, bones=len(rig.hands.source.names))
+        except BaseException:
+            self.close()
+            raise
+
+    sender: Sender | None = None
+
+    @property
+    def page(self) -> str | None:
+        """Where a browser finds it."""
+        return None if self.viewer is None else self.viewer.page
+
+    @property
+    def alive(self) -> bool:
+        """Whether there is still a viewer that one knows of."""
+        return self.viewer is None or self.viewer.alive
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with it, empty for nothing."""
+        if not self.alive:
+            return "viewer closed"
+        if self.sender is None or not self.sender.alive:
+            return "nothing is sent any more"
+        return "viewer does not answer" if self.sender.put > 1 and self.sender.stuck_s > STUCK else ""
+
+    def show(self, number: int) -> None:
+        """Have the frame that the rig is at be the newest one; returns at once."""
+        if self.sender is None:
+            return
+        rig = self._rig
+        known = (rig.scene, rig.simulation.tears, rig.simulation)
+        if any(a is not b for a, b in zip(known, self._known, strict=False)) or not self._known:
+            self._known = known
+            self._setup = self.sender.show(self._shown())
+        positions = rig.simulation.positions.astype(np.float32)
+        if len(positions) > self.sender.room:
+            return
+        pose = rig.bones
+        self.sender.send(LiveFrame(number, rig.time, self._setup, positions, pose.positions, pose.rotations_wxyz))
+
+    def close(self) -> None:
+        """End the feed, and the viewer that was opened."""
+        if self.sender is not None:
+            self.sender.close()
+        if self.viewer is not None:
+            self.viewer.close()
+
+    def _shown(self) -> Shown:
+        rig, source = self._rig, self._rig.hands.source
+        return Shown(
+            self._name, rig.scene.cloth, tuple(rig.scene.colliders), rig.scene.thickness, tuple(source.names),
+            source.parents, dict(source.roles), self._surfaces, rig.topology, rig.simulation.tears,
+        )  # fmt: skip

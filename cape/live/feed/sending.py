@@ -1,0 +1,89 @@
+"""The process between the physics and a viewer: it takes the newest frame, and may wait for the viewer as it likes.
+
+It is told of frames by a byte each on its standard input, and ends when that is closed, however the physics ended.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+import uuid
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cape.live.feed.mailbox import LiveFrame, Mailbox
+from cape.record.moments import MomentRecording, Shown
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+PATIENCE = 0.25  # [s] to wait at a time for a frame to be on its way
+TICK = "0.004"  # [s] after which Rerun hands on what it was given
+
+
+def main(folder: Path, url: str) -> int:
+    """Send what comes into the mailbox of a folder to the viewer at a URL, until standard input is closed."""
+    import rerun as rr
+
+    os.environ["RERUN_FLUSH_TICK_SECS"] = TICK
+    box = Mailbox.open(folder / "frames")
+    stream: rr.RecordingStream | None = None
+    recording, shown, setup = None, None, -1
+    while True:
+        frame = box.take()
+        if frame is None:
+            if not os.read(0, 65536):
+                return 0
+            continue
+        begins = frame.setup != setup or shown is None
+        if begins:
+            shown, setup = read_setup(folder, frame.setup), frame.setup
+        track = shown.track(frame.time, frame.bone_positions, frame.rotations_wxyz)
+        if stream is None or recording is None:
+            stream = rr.RecordingStream(f"cape live {shown.name}", recording_id=uuid.uuid4())
+            recording = MomentRecording(stream)
+            blueprint = recording.begin(shown, track)
+            stream.connect_grpc(url, default_blueprint=blueprint)
+            stream.send_recording_name(shown.name)
+        elif begins:
+            recording.begin(shown, track)
+        recording.add(frame.number, track, frame.positions)
+        _wait_for(stream)
+        box.sent = frame.number
+
+
+def _wait_for(stream: rr.RecordingStream) -> None:
+    """Wait until what was given is on its way: what waits here is one frame, and the newest comes next."""
+    while True:
+        try:
+            stream.flush(timeout_sec=PATIENCE)
+            return
+        except Exception:  # the viewer has not read yet, or is gone; whoever started this process sees that
+            if _is_over():
+                os._exit(0)
+
+
+def _is_over() -> bool:
+    """Tell whether standard input is closed: then nobody waits for what is on its way."""
+    import select
+
+    return bool(select.select([0], [], [], PATIENCE)[0]) and not os.read(0, 65536)
+
+
+def write_setup(folder: Path, number: int, shown: Shown) -> None:
+    """Hand over what the frames of a set-up have in common; both processes are this program."""
+    partial = folder / f"setup-{number}.part"
+    partial.write_bytes(pickle.dumps(shown))
+    partial.replace(folder / f"setup-{number}")
+
+
+def read_setup(folder: Path, number: int) -> Shown:
+    """What was handed over."""
+    return pickle.loads((folder / f"setup-{number}").read_bytes())
+
+
+__all__ = ["LiveFrame", "main", "read_setup", "write_setup"]
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]), sys.argv[2]))

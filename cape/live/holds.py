@@ -1,0 +1,108 @@
+"""What holds a cloth, changed by hand: corners that are pinned or let go, and where a tear may begin."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.cloth.cloth import Cloth
+from cape.scene.holding.attachments import Attachment, attach
+from cape.scene.scene import Scene
+from motions.errors import ValueRangeError
+
+IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
+
+TEAR = 8  # edges that part at once
+CORNERS = (("top", "left"), ("top", "right"), ("bottom", "left"), ("bottom", "right"))
+
+
+def corners(cloth: Cloth) -> dict[str, IntArray]:
+    """Parts of a cloth that can be pinned, by their names: its corners, or what its regions are called."""
+    found: dict[str, IntArray] = {}
+    for ends in CORNERS:
+        named = "_".join(ends)
+        if named in cloth.regions:
+            found[" ".join(ends)] = np.asarray(cloth.regions[named], np.int64)
+        elif all(end in cloth.regions for end in ends):
+            both = np.intersect1d(*(cloth.regions[end] for end in ends))
+            if len(both):
+                found[" ".join(ends)] = both.astype(np.int64)
+    return found or {name: np.asarray(part, np.int64) for name, part in sorted(cloth.regions.items())}
+
+
+def let_go(scene: Scene, vertices: IntArray) -> Scene | None:
+    """The scene without holding any of the vertices; None where none is held.
+
+    Raises:
+        ValueRangeError: something else goes by what is held.
+    """
+    kept: list[Attachment] = []
+    for attachment in scene.attachments:
+        stays = ~np.isin(attachment.vertices, vertices)
+        if stays.all():
+            kept.append(attachment)
+        elif stays.any():
+            kept.append(_part(attachment, stays))
+    if all(a is b for a, b in zip(kept, scene.attachments, strict=False)) and len(kept) == len(scene.attachments):
+        return None
+    hard = any(attachment.hard for attachment in kept)
+    if not kept and any(confinement.needs_holds for confinement in scene.confinements):
+        raise ValueRangeError("something goes by what is held here: the last of it can't be let go")
+    return replace(scene, attachments=kept, tethers=scene.tethers if hard else None)
+
+
+def pinned(scene: Scene, vertices: IntArray, bone: str, points: FloatArray) -> Scene:
+    """The scene with vertices held in the frame of a bone, at points in it [m], shape (n, 3)."""
+    held = attach(scene.cloth, bone, vertices, points=points)
+    return replace(scene, attachments=[*scene.attachments, held])
+
+
+def tear_path(cloth: Cloth, start: int, length: int = TEAR) -> IntArray:
+    """Vertices one after the other, from one at the rim of the cloth straight inwards."""
+    neighbours = _neighbours(cloth)
+    at = cloth.pattern
+    middle = at.mean(axis=0)
+    inwards = middle - at[start]
+    inwards = inwards / max(float(np.linalg.norm(inwards)), 1e-9)
+    path = [start]
+    while len(path) <= length:
+        around = [v for v in neighbours[path[-1]] if v not in path]
+        if not around:
+            break
+        ways = at[around] - at[path[-1]]
+        straight = ways @ inwards / np.maximum(np.linalg.norm(ways, axis=1), 1e-12)
+        if straight.max() <= 0.0:
+            break
+        path.append(around[int(straight.argmax())])
+    return np.array(path)
+
+
+def rim(cloth: Cloth) -> IntArray:
+    """Vertices at the rim of the cloth by their angle about its middle, the lowest of its pattern first."""
+    triangles = cloth.triangles
+    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    once, counts = np.unique(edges, axis=0, return_counts=True)
+    ends = np.unique(once[counts == 1])
+    off = cloth.pattern[ends] - cloth.pattern.mean(axis=0)
+    angles = (np.arctan2(off[:, 1], off[:, 0]) - np.pi / 2.0) % (2.0 * np.pi)
+    return ends[np.argsort(angles, kind="stable")]
+
+
+def _part(attachment: Attachment, chosen: NDArray[np.bool_]) -> Attachment:
+    """An attachment of some of its vertices."""
+    rows = {
+        name: values[chosen]
+        for name in ("points", "weights", "stiffness", "damping")
+        if (values := getattr(attachment, name)) is not None
+    }
+    return replace(attachment, vertices=attachment.vertices[chosen], **rows)
+
+
+def _neighbours(cloth: Cloth) -> dict[int, list[int]]:
+    found: dict[int, set[int]] = {}
+    for a, b, c in cloth.triangles.tolist():
+        for one, other in ((a, b), (b, c), (c, a)):
+            found.setdefault(one, set()).add(other)
+            found.setdefault(other, set()).add(one)
+    return {vertex: sorted(around) for vertex, around in found.items()}

@@ -1,0 +1,203 @@
+"""A simulation on its bones, and what hands change of it while it runs."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cape.air.wind import Wind
+from cape.live.holds import let_go, pinned
+from cape.live.sources import Hands, Source
+from cape.results.topology import Topology
+from cape.run.simulation import Simulation
+from cape.run.whereabouts import Place, Snapshot
+from cape.scene.poses import Pose, read_pose
+from cape.scene.scene import Scene
+from cape.scene.tearing import Tearing
+from cape.solvers import Solver
+from motions.errors import UnknownNameError, ValueRangeError
+
+FloatArray = NDArray[np.float64]
+
+BY_HAND = Tearing(strain=0.6)  # of a cloth that is torn by hand, at whose tips threads then part by themselves
+
+
+class Built(NamedTuple):
+    """A simulation that stands ready to go on where another one is, or to begin anew."""
+
+    simulation: Simulation
+    first_pose: Pose
+    anew: bool
+
+
+class Rig:
+    """What is simulated, and where.
+
+    Attributes:
+        scene: as it is now.
+        first: as it was at first.
+        simulation: of it.
+        hands: where the bones are.
+        time: of the simulation [s].
+        wind: that blows, None for no air.
+    """
+
+    def __init__(self, scene: Scene, source: Source, solver: Solver, *, threads: int | None) -> None:
+        """Nothing hangs before `start`.
+
+        Raises:
+            UnknownNameError: the scene uses a bone that the source has not.
+        """
+        self.first = self.scene = scene
+        self.hands, self.solver, self.threads = Hands(source), solver, threads
+        self.simulation = Simulation(scene, solver=solver, threads=threads)
+        self.time, self.wind = 0.0, scene.wind
+        self._tears = 0
+        self._now = self.hands.pose(0.0)
+        self.pose_for(scene, self._now)
+
+    @property
+    def bones(self) -> Pose:
+        """Where the source's bones are, as they were last."""
+        count = len(self.hands.source.names)
+        return Pose(self._now.positions[:count], self._now.rotations_wxyz[:count])
+
+    def pose_for(self, scene: Scene, pose: Pose | None = None) -> Pose:
+        """Where the bones are that a scene uses, in its order.
+
+        Raises:
+            UnknownNameError: one is not there.
+        """
+        pose = self._now if pose is None else pose
+        chosen = []
+        for bone in scene.bones:
+            try:
+                chosen.append(self.hands.index(bone))
+            except KeyError:
+                raise UnknownNameError("bone", bone, self.hands.names, "The scene uses it") from None
+        return Pose(pose.positions[chosen], pose.rotations_wxyz[chosen])
+
+    def start(self, *, velocity: ArrayLike = (0.0, 0.0, 0.0), spin: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        """Compile what is needed, put the cloth on and let it settle, as `Simulation.start` does.
+
+        Raises:
+            UserError: the cloth can't be put on.
+        """
+        pose = self.pose_for(self.scene)
+        self.simulation.compile(pose)
+        self.simulation.start(pose, velocity=velocity, spin=spin)
+
+    def step(self, dt: float) -> None:
+        """Advance by `dt` [s] to where the bones then are.
+
+        Raises:
+            UserError: the bones' poses are none, or the cloth explodes.
+        """
+        self._now = self.hands.pose(self.time + dt)
+        self.simulation.step(self.pose_for(self.scene), dt)
+        self.time += dt
+        if self.simulation.tears != self._tears and self.wind is not None:
+            self._tears = self.simulation.tears
+            self.simulation.turn_wind(self.wind)  # what was assembled anew has that of the scene
+
+    @property
+    def topology(self) -> Topology | None:
+        """Which vertices the triangles have, where the cloth has torn."""
+        return self.simulation.topology if self.simulation.tears else None
+
+    # -- changes that cost nothing --
+
+    def turn_wind(self, wind: Wind) -> None:
+        """Have another wind blow.
+
+        Raises:
+            ValueRangeError: the scene has no air, or only a steady one.
+        """
+        self.simulation.turn_wind(wind)
+        self.wind = wind
+
+    def change_solver(self, solver: Solver) -> None:
+        """Go on with another solver, whose code is compiled.
+
+        Raises:
+            ValueRangeError: the cloth may tear, and can't go on otherwise.
+        """
+        self.simulation.change_solver(solver)
+        self.solver = solver
+
+    def tear(self, path: ArrayLike) -> int:
+        """Part the edges along a path of vertices; gives how many have parted.
+
+        Raises:
+            ValueRangeError: the scene does not tear, or two are no neighbours.
+        """
+        return self.simulation.tear(path)
+
+    # -- changes that are built beside the run --
+
+    def build(self, scene: Scene, solver: Solver, pose: Pose, *, anew: bool) -> Built:
+        """Make a simulation of another scene of this cloth ready, on whatever thread: compiled, and laid out.
+
+        Args:
+            scene: with another fabric, other holds, or other forces.
+            solver: for it.
+            pose: of the scene's bones, about where they will be.
+            anew: put the cloth on and let it settle, instead of going on from where it is.
+
+        Raises:
+            UserError: the scene can't be.
+        """
+        simulation = Simulation(scene, solver=solver, threads=self.threads)
+        simulation.compile(pose)
+        simulation.start(pose, settle=None if anew else 0.0)
+        return Built(simulation, pose, anew)
+
+    def compile(self, scene: Scene, solver: Solver, pose: Pose) -> None:
+        """Have the code that a solver needs for a scene compiled and loaded, on whatever thread.
+
+        Raises:
+            UserError: it can't be used for it.
+        """
+        Simulation(scene, solver=solver, threads=self.threads).compile(pose)
+
+    def take_over(self, built: Built) -> None:
+        """Go on with what was built, from where the cloth is, unless it begins anew.
+
+        Raises:
+            ValueRangeError: the cloth has torn, and can't go on otherwise.
+        """
+        new = built.simulation
+        if not built.anew:
+            old = self.simulation.snapshot().place
+            alike = all(a is b for a, b in zip(self.scene.attachments, new.scene.attachments, strict=False))
+            alike = alike and len(self.scene.attachments) == len(new.scene.attachments)
+            hold = old.hold if alike else new.snapshot().place.hold
+            pose = read_pose(self.pose_for(new.scene), new.bones).moved(-old.origin)
+            new.start_from(Snapshot(new.scene, built.first_pose, Place(old.origin, pose, old.state, hold, old.time)))
+        self.simulation, self.scene, self._tears = new, new.scene, 0
+        if new.solver != self.solver:
+            new.change_solver(self.solver)
+        if self.wind is not None:
+            new.turn_wind(self.wind)
+
+    def with_tearing(self) -> Scene:
+        """The scene as it is, of a cloth that can be torn."""
+        if self.scene.tearing is not None:
+            return self.scene
+        return replace(self.scene, tearing=BY_HAND, strain_limit=False, tethers=None)
+
+    def with_pin(self, vertices: NDArray[np.int64], name: str) -> tuple[Scene, bool]:
+        """The scene with some vertices pinned where they are, or let go where any is held; whether they are pinned.
+
+        Raises:
+            ValueRangeError: they can't be let go of.
+        """
+        if self.simulation.tears:
+            raise ValueRangeError("a cloth that has torn stays held as it is, until it is put on anew")
+        freed = let_go(self.scene, vertices)
+        if freed is not None:
+            return freed, False
+        places = self.simulation.positions[vertices]
+        self.hands.put(name, places.mean(axis=0))
+        return pinned(self.scene, vertices, name, places - places.mean(axis=0)), True

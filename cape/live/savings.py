@@ -1,0 +1,54 @@
+"""What a run gives up, step by step, where it is slower than the clock, and takes back when it can."""
+
+from dataclasses import replace
+
+from cape.live.changes import Changes
+from cape.live.falling_behind import FallingBehind
+from cape.live.rig import Rig
+from cape.solvers import XPBD, Solver
+
+FEW = 10  # substeps a frame, from which on cloth under XPBD gets much softer than it should be
+SLOWER = 0.97  # of real time
+
+
+class Savings:
+    """Fewer substeps than were asked for, as far as they stay stable; then XPBD, in few and in fewer; then time."""
+
+    def __init__(self, rig: Rig, changes: Changes) -> None:
+        """Give up nothing yet."""
+        self._rig, self._changes = rig, changes
+        self._behind = FallingBehind(0)
+        self._asked: Solver | None = None
+        self._ways: list[tuple[str, Solver]] = []
+
+    def note(self, seconds: float, period: float) -> None:
+        """Take how long a frame has taken, of the time that there is for it [s]."""
+        asked = self._changes.solver
+        if asked is not self._asked:
+            self._asked, self._ways = asked, self._ways_from(asked, period)
+            self._behind = FallingBehind(len(self._ways))
+        before = self._behind.level
+        level = self._behind.note(seconds, period)
+        if level != before:
+            text, solver = self._ways[level - 1] if level else ("everything as asked for again", asked)
+            self._changes.use(solver, text if not level else f"too slow: {text}")
+
+    def told(self, rate: float) -> str:
+        """What is given up, at a rate of steps against the clock's; empty for nothing."""
+        level = self._behind.level
+        given = [self._ways[level - 1][0]] if level else []
+        if rate < SLOWER and level == len(self._ways):
+            given.append("slower than real time")
+        return ", ".join(given)
+
+    def _ways_from(self, asked: Solver, period: float) -> list[tuple[str, Solver]]:
+        ways: list[tuple[str, Solver]] = []
+        used = self._rig.simulation.own_substeps(period) if asked.substeps is None else asked.substeps
+        fewest = {"euler": self._rig.simulation.own_substeps(period), XPBD.name: FEW}.get(asked.name, 1)
+        if not isinstance(asked, XPBD) and fewest < used:
+            ways.append((f"{fewest} substeps", replace(asked, substeps=fewest)))
+        if self._rig.scene.tearing is None or isinstance(asked, XPBD):
+            for substeps in (2 * FEW, FEW):
+                if not (isinstance(asked, XPBD) and used <= substeps):
+                    ways.append((f"xpbd in {substeps}", XPBD(substeps=substeps)))
+        return ways

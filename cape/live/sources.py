@@ -1,0 +1,146 @@
+"""Where bones come from while a cloth is simulated live: a motion, or whatever tells where they are now."""
+
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cape.scene.poses import Bones, Pose
+from motions import quaternions
+from motions.errors import ValueRangeError
+from skeleton.track import BoneTrack
+
+FloatArray = NDArray[np.float64]
+Told = Callable[[float], Bones]
+"""What tells the poses of bones, given the time of the simulation [s]."""
+
+
+class Source(Protocol):
+    """Tells where bones are.
+
+    Attributes:
+        names: of the B bones.
+        parents: index of each bone's parent, -1 for none, shape (B,); None where that is not known.
+        roles: name of the bone that plays each role.
+    """
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...] | None
+    roles: Mapping[str, str]
+
+    def pose(self, time: float) -> Pose:
+        """Where all bones are at a time of the simulation [s], which never goes back."""
+        ...
+
+
+class TrackSource:
+    """A motion, played over and over: round, or forth and back where it does not end as it begins.
+
+    Attributes:
+        track: the motion.
+    """
+
+    def __init__(self, track: BoneTrack, *, back: bool = False) -> None:
+        """Play a track; `back` plays it backwards each second time."""
+        self.names, self.roles = track.names, track.roles
+        self.parents = None if track.parents is None else tuple(int(p) for p in track.parents)
+        self.track, self._back = track, back
+        self._begin, self._length = float(track.times[0]), float(track.times[-1] - track.times[0])
+
+    def pose(self, time: float) -> Pose:
+        """Where all bones are at a time [s]."""
+        rounds, into = divmod(time, self._length) if self._length > 0.0 else (0.0, 0.0)
+        if self._back and rounds % 2:
+            into = self._length - into
+        return Pose(*self.track.sample(self._begin + into))
+
+
+class ToldSource:
+    """Bones that a function tells, by their names or in the order in which the scene names them."""
+
+    def __init__(self, told: Told, bones: tuple[str, ...]) -> None:
+        """Ask once who there is; `bones` are those that the scene uses.
+
+        Raises:
+            ValueRangeError: the function gives no poses.
+        """
+        self._told, self.parents, self.roles = told, None, {}
+        first = told(0.0)
+        self.names = bones if isinstance(first, Pose) else tuple(first)
+        self.pose(0.0)
+
+    def pose(self, time: float) -> Pose:
+        """Where all bones are now, as the function tells at a time [s].
+
+        Raises:
+            ValueRangeError: a bone is missing, or its pose is none.
+        """
+        told = self._told(time)
+        if isinstance(told, Pose):
+            return told
+        try:
+            places = np.array([told[name][0] for name in self.names], dtype=float).reshape(-1, 3)
+            turns = np.array([told[name][1] for name in self.names], dtype=float).reshape(-1, 4)
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise ValueRangeError(
+                f"bones are told as name: (position, quaternion wxyz), of {', '.join(self.names)[:200]}: {error}"
+            ) from None
+        return Pose(places, quaternions.normalize(turns))
+
+
+class Hands:
+    """Bones of a source, some of them moved by hand, and others that stand where they were put."""
+
+    def __init__(self, source: Source) -> None:
+        """Nothing is moved yet."""
+        self.source = source
+        self._offsets = np.zeros((len(source.names), 3))
+        self._put: dict[str, FloatArray] = {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all bones, those that were put somewhere last."""
+        return (*self.source.names, *self._put)
+
+    def index(self, bone: str) -> int:
+        """Place of a bone, given by its name or role, among `names`.
+
+        Raises:
+            KeyError: there is none.
+        """
+        names = self.names
+        name = bone if bone in names else self.source.roles.get(bone)
+        if name is None or name not in names:
+            raise KeyError(bone)
+        return names.index(name)
+
+    def move(self, bone: str, by: ArrayLike) -> None:
+        """Move a bone by a vector in the world [m] from where it was, for good.
+
+        Raises:
+            KeyError: there is none of that name.
+        """
+        if bone in self._put:
+            self._put[bone] = self._put[bone] + np.asarray(by, dtype=float)
+        else:
+            self._offsets[self.index(bone)] += np.asarray(by, dtype=float)
+
+    def put(self, bone: str, place: ArrayLike) -> None:
+        """Have a bone of one's own stand at a place in the world [m]."""
+        self._put[bone] = np.asarray(place, dtype=float)
+
+    def take_back(self) -> None:
+        """Forget all that was moved; what was put somewhere stays."""
+        self._offsets[:] = 0.0
+
+    def pose(self, time: float) -> Pose:
+        """Where all of `names` are at a time [s]."""
+        told = self.source.pose(time)
+        positions = np.asarray(told.positions, dtype=float) + self._offsets
+        rotations = np.asarray(told.rotations_wxyz, dtype=float)
+        if self._put:
+            still = np.tile([1.0, 0.0, 0.0, 0.0], (len(self._put), 1))
+            positions = np.concatenate([positions, np.array(list(self._put.values()))])
+            rotations = np.concatenate([rotations, still])
+        return Pose(positions, rotations)
