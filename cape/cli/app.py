@@ -157,6 +157,46 @@ def batch(
 
 
 @app.command()
+@gathered(leave_out=("loop", "tolerance", "budget"), reading=motion, cape=cut)
+def live(
+    context: typer.Context,
+    reading: "Reading",
+    cape: "Cut",
+    scene: Scene = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Record: .rrd, a take (.npz), or an export as of cape export.")
+    ] = None,
+    hitboxes: Hitboxes = None,
+    web: Annotated[bool, typer.Option("--web", help="Show it in a browser instead of a window.")] = False,
+    no_viewer: Annotated[bool, typer.Option("--no-viewer", help="Show nothing.")] = False,
+    connect: Annotated[
+        str | None, typer.Option(metavar="URL", help="Show it in a viewer that runs: rerun+http://HOST:9876/proxy.")
+    ] = None,
+    bind: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address that the viewer listens on; loopback unless told otherwise.")
+    ] = "127.0.0.1",
+    seconds: Annotated[float | None, typer.Option(help="End after so long [s].")] = None,
+    json: Json = False,
+) -> int:
+    """Simulate a cape as the clock runs, steered by the keys of the terminal (? tells them), and show it.
+
+    Without CLIP the character stands, walks, runs, kicks and jumps as it is told.
+    """
+    from cape.cli.live.command import run
+    from cape.cli.scenes.option import telling
+
+    asked = {"--web": web, "--no-viewer": no_viewer, "--connect": connect is not None}
+    if len(chosen := [option for option, given in asked.items() if given]) > 1:
+        raise typer.BadParameter(f"give one of {' and '.join(chosen)}")
+    viewer = connect or ("web" if web else "none" if no_viewer else "window")
+    with telling(context, scene):
+        return run(
+            reading, cape, scene=scene, output=output, hitboxes=hitboxes, viewer=viewer, bind=bind, seconds=seconds,
+            json=json,
+        )  # fmt: skip
+
+
+@app.command()
 def export(
     take: Annotated[Path, typer.Argument(help="A take that cape replay -o TAKE.npz has kept.")],
     output: Annotated[

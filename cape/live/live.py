@@ -100,6 +100,8 @@ class Live:
         self._frame, self._speed, self._paused, self._single = 0, 1.0, False, 0
         self._savings = Savings(self._rig, self.changes)
         self._failed: Exception | None = None
+        self._kept_enough = False
+        self._begun = 0.0
         self.steps: list[Step] | None = None
         """How each step went, once this is a list; for measuring."""
 
@@ -132,11 +134,20 @@ class Live:
         while self.running and (until is None or time.monotonic() < until):
             left = 0.1 if until is None else min(0.1, max(until - time.monotonic(), 0.0))
             self._over.wait(left)
-            if self._screen is not None and not self._screen.alive:
-                self.end("the viewer was closed")
+            self.look()
         if self._failed is not None:
             raise self._failed
         return self.status
+
+    def look(self) -> None:
+        """Look after the viewer: once it was closed, the run ends."""
+        if self._screen is not None and not self._screen.alive:
+            self.end("the viewer was closed")
+
+    @property
+    def failed(self) -> Exception | None:
+        """What has ended the physics, None for nothing."""
+        return self._failed
 
     def close(self) -> None:
         """End the run, and the viewer that it has opened."""
@@ -178,19 +189,27 @@ class Live:
         return None if self._screen is None else self._screen.page
 
     @property
+    def used_bones(self) -> frozenset[str]:
+        """Names of the bones that the scene uses."""
+        hands = self._rig.hands
+        return frozenset(hands.names[hands.index(bone)] for bone in self._rig.scene.bones)
+
+    @property
     def positions(self) -> np.ndarray:
         """Where the cloth's vertices are in the world [m], shape (V, 3), as of the newest frame or the one before."""
         return self._rig.simulation.positions
 
-    def take(self, *, result: str = "finished") -> Take:
-        """All frames so far, as a take.
+    def take(self, *, frames: int | None = None) -> Take:
+        """All frames so far, or the first ones, as a take.
 
         Raises:
             ValueRangeError: they are not kept.
         """
         if self._keeper is None:
             raise ValueRangeError("nothing is kept: give Live keep=True")
-        return self._keeper.take(result=result, warnings=() if self._failed is None else (str(self._failed),))
+        failed = self._failed
+        result = "finished" if failed is None else f"diverged at frame {self._keeper.frames}"
+        return self._keeper.take(frames, result=result, warnings=() if failed is None else (str(failed),))
 
     @property
     def keeper(self) -> Keeper | None:
@@ -223,9 +242,11 @@ class Live:
         """Tell something in the status."""
         self._status = self._status.but(message=text)
 
-    def stop_keeping(self) -> None:
+    def stop_keeping(self, told: str = "recording stopped") -> None:
         """Keep no more frames than there are."""
-        self._do(self._keep_no_more)
+        if not self._kept_enough:
+            self._kept_enough = True
+            self.say(told)
 
     # -- the thread of the physics --
 
@@ -242,6 +263,7 @@ class Live:
         gc.freeze()
         try:
             self._pacer.begin()
+            self._begun = time.monotonic()
             while self._pacer.wait(self._over):
                 self._change()
                 if self._paused and not self._single:
@@ -272,15 +294,10 @@ class Live:
             self._on_frame(self)
         simulation = self._rig.simulation
         self._status = self._status.but(
-            frame=self._frame, time=self._rig.time, paused=self._paused, speed=self._speed,
+            frame=self._frame, time=self._rig.time, clock=time.monotonic() - self._begun,
+            paused=self._paused, speed=self._speed,
             solver=simulation.solver.name, substeps=simulation.substeps,
         )  # fmt: skip
-
-    _kept_enough = False
-
-    def _keep_no_more(self) -> str:
-        self._kept_enough = True
-        return "recording stopped"
 
     def _change(self) -> None:
         """Do what was asked for since the last frame, and take over what was built."""
@@ -304,7 +321,8 @@ class Live:
 
     def _stand_still(self) -> None:
         """Wait until there is something to do."""
-        self._status = self._status.but(paused=True, building=self._builder.making)
+        clock = time.monotonic() - self._begun
+        self._status = self._status.but(paused=True, building=self._builder.making, clock=clock)
         self._awake.wait(0.05)
         self._awake.clear()
         self._status = self._status.but(paused=self._paused)

@@ -8,10 +8,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from cape.scene.poses import Bones, Pose
 from motions import quaternions
+from motions.curves import step
 from motions.errors import ValueRangeError
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
+
+FADE = 0.3  # [s] in which the end of a motion fades into its beginning
+UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
 Told = Callable[[float], Bones]
 """What tells the poses of bones, given the time of the simulation [s]."""
 
@@ -35,25 +39,58 @@ class Source(Protocol):
 
 
 class TrackSource:
-    """A motion, played over and over: round, or forth and back where it does not end as it begins.
+    """A motion, played over and over.
+
+    A character goes on from where it has got to, and its last moments fade into the first ones; anything else goes back
+    the way it came.
 
     Attributes:
         track: the motion.
     """
 
-    def __init__(self, track: BoneTrack, *, back: bool = False) -> None:
-        """Play a track; `back` plays it backwards each second time."""
+    def __init__(self, track: BoneTrack) -> None:
+        """Play a track."""
         self.names, self.roles = track.names, track.roles
         self.parents = None if track.parents is None else tuple(int(p) for p in track.parents)
-        self.track, self._back = track, back
-        self._begin, self._length = float(track.times[0]), float(track.times[-1] - track.times[0])
+        self.track = track
+        self._begin, length = float(track.times[0]), float(track.times[-1] - track.times[0])
+        pelvis = track.roles.get("pelvis")
+        self._root = track.names.index(pelvis) if pelvis in track.names else None
+        self._fade = min(FADE, length / 3.0)
+        self._length = length - (0.0 if self._root is None else self._fade)
+        self._round, self._turn, self._shift = 0, UNTURNED, np.zeros(3)
+        self._step = (UNTURNED, np.zeros(3)) if self._root is None else self._way(self._root)
+        self._before = self._turn, self._shift
 
     def pose(self, time: float) -> Pose:
         """Where all bones are at a time [s]."""
         rounds, into = divmod(time, self._length) if self._length > 0.0 else (0.0, 0.0)
-        if self._back and rounds % 2:
-            into = self._length - into
-        return Pose(*self.track.sample(self._begin + into))
+        if self._root is None:
+            return self._at(self._length - into if rounds % 2 else into)
+        while self._round < rounds:
+            turn, shift = self._step
+            self._before = self._turn, self._shift
+            self._shift = self._shift + quaternions.rotate(self._turn, shift)
+            self._turn = quaternions.normalize(quaternions.multiply(self._turn, turn))
+            self._round += 1
+        now = self._at(into).turned(self._turn).moved(self._shift)
+        if self._round == 0 or into >= self._fade:
+            return now
+        turn, shift = self._before
+        before = self._at(self._length + into).turned(turn).moved(shift)
+        return before.towards(now, float(step(np.array(into), 0.0, self._fade)))
+
+    def _at(self, time: float) -> Pose:
+        return Pose(*self.track.sample(self._begin + time))
+
+    def _way(self, root: int) -> tuple[FloatArray, FloatArray]:
+        """How the figure stands at the end of a round, to where it stood at its beginning: a turn about Z, a shift."""
+        begin, end = self._at(0.0), self._at(self._length)
+        turned = quaternions.multiply(end.rotations_wxyz[root], quaternions.conjugate(begin.rotations_wxyz[root]))
+        about = np.array([turned[0], 0.0, 0.0, turned[3]])  # the part of it about the vertical
+        turn = quaternions.normalize(about) if np.linalg.norm(about) > 1e-6 else UNTURNED
+        shift = end.positions[root] - quaternions.rotate(turn, begin.positions[root])
+        return turn, shift * np.array([1.0, 1.0, 0.0])
 
 
 class ToldSource:

@@ -10,6 +10,7 @@ class Status:
     Attributes:
         frame: number of the newest frame.
         time: of the simulation [s].
+        clock: time since the first frame by the clock [s].
         step_ms: mean wall time of a step [ms].
         late_ms: how late steps begin on average [ms].
         factor: time of the simulation over the clock's, 1 in real time.
@@ -27,6 +28,7 @@ class Status:
 
     frame: int = 0
     time: float = 0.0
+    clock: float = 0.0
     step_ms: float = 0.0
     late_ms: float = 0.0
     factor: float = 1.0

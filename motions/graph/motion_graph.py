@@ -63,7 +63,7 @@ class Transition:
 
 
 @dataclass(frozen=True, eq=False)
-class _Passage:
+class Passage:
     """A transition as it is played: with the blend, which takes `extra` frames besides those of the transition.
 
     It was found among frames up to `reach` times as far off as asked for.
@@ -171,7 +171,7 @@ class MotionGraph:
                 raise ValueRangeError(
                     f"clip {name!r} lasts {source.clip.duration:.2f} s, too short for blends: {least:.2f} s are needed"
                 )
-        self._loops: dict[str, _Passage] = {}
+        self._loops: dict[str, Passage] = {}
 
     @property
     def clips(self) -> tuple[Clip, ...]:
@@ -188,7 +188,7 @@ class MotionGraph:
             UnknownNameError: there is no such clip.
         """
         frames = self._shortest
-        distances, headings = window_distances(self._source(source).points, self._source(target).points, frames + 1)
+        distances, headings = window_distances(self.source(source).points, self.source(target).points, frames + 1)
         if source == target:
             rows, columns = np.indices(distances.shape)
             distances[np.abs(rows - columns) < frames] = np.inf
@@ -220,18 +220,18 @@ class MotionGraph:
         if not steps:
             raise UserError("the script has no part")
         for number, step in enumerate(steps, 1):
-            self._source(step.clip, f"It stands in part {number} of the script, {str(step)!r}")
+            self.source(step.clip, f"It stands in part {number} of the script, {str(step)!r}")
         steps = _joined(steps)
         splice, decisions = Splice(), [f"{steps[0].clip} begins at 0.00 s with its frame 0"]
         at, played = 0, 0  # the frame of the clip that comes next, and how many frames of the part lie behind
         for step, after in zip(steps, [*steps[1:], None], strict=True):
-            source = self._source(step.clip)
+            source = self.source(step.clip)
             end = source.clip.frames - 1
             if step.seconds is not None:
                 left = round(step.seconds * self.fps) - played
                 room = self._shortest - self._search if after else 0
                 while at + left > end - room:
-                    loop = self._loop(step.clip)
+                    loop = self.loop(step.clip)
                     left -= loop.at.leave - at + loop.duration
                     at = self._pass(splice, at, loop, decisions)
                 end = max(at + left, at)
@@ -242,7 +242,12 @@ class MotionGraph:
             at, played = self._pass(splice, at, passage, decisions), passage.duration
         return self._clip(steps, splice, decisions)
 
-    def _source(self, name: str, hint: str = "") -> Source:
+    def source(self, name: str, hint: str = "") -> Source:
+        """A clip at the graph's frame rate, with what blends need to know of it.
+
+        Raises:
+            UnknownNameError: there is no such clip; lists them.
+        """
         if name not in self._sources:
             raise UnknownNameError("clip", name, self._sources, hint)
         return self._sources[name]
@@ -265,7 +270,7 @@ class MotionGraph:
 
         return spans
 
-    def _loop(self, name: str) -> _Passage:
+    def loop(self, name: str) -> Passage:
         """The best way from the last third of a clip back to its first."""
         if name not in self._loops:
             source = self._sources[name]
@@ -275,7 +280,7 @@ class MotionGraph:
             )
         return self._loops[name]
 
-    def _best(self, source: str, target: str, spans: _Spans) -> _Passage:
+    def _best(self, source: str, target: str, spans: _Spans) -> Passage:
         """The passage between two clips that costs least, from no farther off than keeps joints within their limits.
 
         If none keeps them, the best of those that are near.
@@ -289,7 +294,7 @@ class MotionGraph:
             passage = self._best_within(source, target, spans, reach)
         return passage if passage.haste <= 1.0 else near
 
-    def _best_within(self, source: str, target: str, spans: _Spans, reach: int) -> _Passage:
+    def _best_within(self, source: str, target: str, spans: _Spans, reach: int) -> Passage:
         """The passage that costs least, among blends of several lengths."""
         longest = min(
             max(self._shortest, self._longest // 2), *(self._sources[name].third for name in (source, target))
@@ -336,7 +341,7 @@ class MotionGraph:
         i, j = np.repeat(rows, len(columns)), np.tile(columns, len(rows))
         return cheapest(i, j, np.array([coarse.support]))
 
-    def _drawn_out(self, option: _Option) -> _Passage:
+    def _drawn_out(self, option: _Option) -> Passage:
         """The passage with as few extra frames as keep its joints within their limits, but no longer than allowed."""
         at, extra, most = option.at, option.extra, self._longest - option.at.frames
         while True:
@@ -351,12 +356,12 @@ class MotionGraph:
                 at.frames,
                 extra=extra,
             )
-            passage = _Passage(at, extra, blends)
+            passage = Passage(at, extra, blends)
             if passage.haste <= 1.0 or extra == most:
                 return passage
             extra += 1
 
-    def _pass(self, splice: Splice, at: int, passage: _Passage, decisions: list[str]) -> int:
+    def _pass(self, splice: Splice, at: int, passage: Passage, decisions: list[str]) -> int:
         """Play a clip from a frame on and pass to the next, of which the frame that comes next is returned."""
         transition = passage.at
         splice.play(self._sources[transition.source], at, transition.leave)
