@@ -9,6 +9,7 @@ from cape.cloth.fabric import Fabric
 from cape.cloth.fabrics import FABRICS, MEASUREMENTS, fabric
 from cape.cloth.measurement import Measurement
 from cape.garments.registry import GARMENTS
+from cape.live.live import Live
 from cape.measure.ledger import Balance, Ledger
 from cape.meshes.reading import read_cloth
 from cape.meshes.wearing import wear
@@ -59,6 +60,7 @@ __all__ = [
     "Fabric",
     "GridCloth",
     "Ledger",
+    "Live",
     "Measurement",
     "MeshCloth",
     "Plane",

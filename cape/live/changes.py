@@ -13,7 +13,7 @@ from cape.live.holds import corners, rim, tear_path
 from cape.live.rig import Built, Rig
 from cape.scene.scene import Scene
 from cape.scene.self_contact import SelfContact
-from cape.solvers import Solver
+from cape.solvers import Solver, SymplecticEuler
 from cape.solvers import solver as solver_named
 from motions import quaternions
 from motions.errors import UnknownNameError, ValueRangeError
@@ -22,7 +22,7 @@ Change = Callable[[], str | None]
 
 SCENE, SOLVER = "scene", "solver"
 BREEZE = (-3.0, 0.0, 0.0)  # m/s, of a wind that is turned on where there was none
-AROUND = 5  # where along the rim tears begin, one after the other
+SHARES = (0.5, 0.7, 0.3, 0.6, 0.4, 0.8, 0.2)  # of the hem, where tears begin, one after the other
 
 
 class Changes:
@@ -107,12 +107,20 @@ class Changes:
 
         self._do(change)
 
-    def use(self, solver: Solver, told: str) -> None:
-        """Go on with a solver once its code is there; on the thread of the physics."""
+    def use(self, solver: Solver, told: str, *, must: bool = True) -> None:
+        """Go on with a solver once its code is there; on the thread of the physics.
 
-        def change(_: object) -> str:
+        Where it can't be used by then, that is told if it `must`.
+        """
+
+        def change(_: object) -> str | None:
             self._compiled.add(solver.name)
-            self._rig.change_solver(solver)
+            try:
+                self._rig.change_solver(solver)
+            except ValueRangeError:
+                if must:
+                    raise
+                return None
             return told
 
         if solver.name in self._compiled:
@@ -166,6 +174,8 @@ class Changes:
         def tear() -> str | None:
             along = self._next_tear() if path is None else path
             if self._rig.scene.tearing is None:
+                # Grids tear under this solver alone, and in half a second of building another may be tried.
+                self.solver = SymplecticEuler()
                 self._ask(self._rig.with_tearing(), "", then=lambda: _told_tears(self._rig.tear(along)))
                 return None
             return _told_tears(self._rig.tear(along))
@@ -218,6 +228,8 @@ class Changes:
         if self._rig.simulation.tears and not anew:
             raise ValueRangeError("a cloth that has torn stays as it is, until it is put on anew")
         solver, before = self._rig.solver, self._wanted
+        if scene.tearing is not None and self._rig.scene.tearing is None:
+            solver = self.solver
         self._wanted = scene
         pose = self._rig.pose_for(scene)
 
@@ -253,12 +265,12 @@ class Changes:
         return vertices, f"vertex {int(vertices[0])}"
 
     def _next_tear(self) -> NDArray[np.int64]:
-        """Where to tear next: in turn along the lower half of the rim, which hangs free most often."""
+        """Where to tear next: in turn along the hem, or all around the rim where there is none."""
         cloth = self._rig.first.cloth
-        around = rim(cloth)
-        share = (0.0, 0.12, -0.12, 0.06, -0.06)[self._tears % AROUND]
+        along = np.asarray(cloth.regions["bottom"]) if "bottom" in cloth.regions else rim(cloth)
+        share = SHARES[self._tears % len(SHARES)]
         self._tears += 1
-        return tear_path(cloth, int(around[round(share * len(around)) % len(around)]))
+        return tear_path(cloth, int(along[round(share * (len(along) - 1))]))
 
 
 def _told_tears(count: int) -> str:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.cloth.cloth import Cloth
+from cape.cloth.cloth import Cloth, GridCloth
 from cape.scene.holding.attachments import Attachment, attach
 from cape.scene.scene import Scene
 from motions.errors import ValueRangeError
@@ -75,6 +75,8 @@ def tear_path(cloth: Cloth, start: int, length: int = TEAR) -> IntArray:
         if straight.max() <= 0.0:
             break
         path.append(around[int(straight.argmax())])
+        inwards = ways[int(straight.argmax())]
+        inwards = inwards / max(float(np.linalg.norm(inwards)), 1e-12)
     return np.array(path)
 
 
@@ -100,7 +102,16 @@ def _part(attachment: Attachment, chosen: NDArray[np.bool_]) -> Attachment:
 
 
 def _neighbours(cloth: Cloth) -> dict[int, list[int]]:
+    """The vertices to which threads lead from each one; in a mesh, edges."""
     found: dict[int, set[int]] = {}
+    if isinstance(cloth, GridCloth):
+        index = np.arange(cloth.vertices).reshape(cloth.rows, cloth.columns)
+        pairs = [*zip(index[1:].ravel(), index[:-1].ravel(), strict=True)]
+        pairs += zip(index[:, 1:].ravel(), index[:, :-1].ravel(), strict=True)
+        for one, other in pairs:
+            found.setdefault(int(one), set()).add(int(other))
+            found.setdefault(int(other), set()).add(int(one))
+        return {vertex: sorted(around) for vertex, around in found.items()}
     for a, b, c in cloth.triangles.tolist():
         for one, other in ((a, b), (b, c), (c, a)):
             found.setdefault(one, set()).add(other)

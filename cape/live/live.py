@@ -31,6 +31,7 @@ from skeleton.track import BoneTrack
 FPS = 60.0
 SWITCH = 0.0005  # [s] after which a thread that computes in Python lets the physics on
 TOLD_EACH = 6  # frames between looks at what changes slowly
+READ = 5.0  # [s] for which something that was said can be read
 Viewing = Literal["window", "web", "none"] | str
 
 
@@ -58,6 +59,7 @@ class Live:
         viewer: Viewing = "window",
         bind: str = "127.0.0.1",
         keep: bool = False,
+        end_with_viewer: bool = True,
         surfaces: Sequence[LinkSurface] = (),
         on_frame: Callable[["Live"], None] | None = None,
     ) -> None:
@@ -74,6 +76,7 @@ class Live:
             viewer: "window", "web" for a browser, "none", or the URL of a viewer that runs already.
             bind: the address that a viewer listens on.
             keep: keep all frames, for `take`.
+            end_with_viewer: end the run when the viewer that it has opened is closed.
             surfaces: meshes that the bones carry.
             on_frame: called after each frame, on the thread of the physics, which waits for it.
 
@@ -90,7 +93,7 @@ class Live:
         self._builder, self._todo = Builder(), SimpleQueue[Callable[[], str | None]]()
         self.changes = Changes(self._rig, self._builder, self._do)
         self._viewing, self._bind, self._surfaces, self._keep = viewer, bind, tuple(surfaces), keep
-        self._on_frame = on_frame
+        self._on_frame, self._end_with_viewer = on_frame, end_with_viewer
         self._pacer = Pacer(1.0 / fps)
         self._over, self._awake = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
@@ -101,7 +104,7 @@ class Live:
         self._savings = Savings(self._rig, self.changes)
         self._failed: Exception | None = None
         self._kept_enough = False
-        self._begun = 0.0
+        self._begun = self._said = 0.0
         self.steps: list[Step] | None = None
         """How each step went, once this is a list; for measuring."""
 
@@ -141,7 +144,7 @@ class Live:
 
     def look(self) -> None:
         """Look after the viewer: once it was closed, the run ends."""
-        if self._screen is not None and not self._screen.alive:
+        if self._end_with_viewer and self._screen is not None and not self._screen.alive:
             self.end("the viewer was closed")
 
     @property
@@ -182,6 +185,12 @@ class Live:
     def status(self) -> Status:
         """How it goes."""
         return self._status
+
+    @property
+    def sender_process(self) -> int:
+        """Number of the process that sends frames to the viewer, 0 for none."""
+        sender = None if self._screen is None else self._screen.sender
+        return 0 if sender is None else sender.process
 
     @property
     def page(self) -> str | None:
@@ -240,6 +249,7 @@ class Live:
 
     def say(self, text: str) -> None:
         """Tell something in the status."""
+        self._said = time.monotonic()
         self._status = self._status.but(message=text)
 
     def stop_keeping(self, told: str = "recording stopped") -> None:
@@ -331,6 +341,8 @@ class Live:
     def _keep_pace(self, step: Step) -> None:
         self._savings.note(step.took, self._pacer.period)
         if self._frame % TOLD_EACH == 0:
+            if self._status.message and time.monotonic() > self._said + READ:
+                self._status = self._status.but(message="")
             took, rate = self._pacer.mean_took, self._pacer.rate
             self._status = self._status.but(
                 step_ms=1e3 * took, late_ms=1e3 * self._pacer.mean_late, factor=rate,

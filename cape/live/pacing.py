@@ -3,6 +3,7 @@
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from typing import NamedTuple
 
 SHOWN = 60  # steps over which means are taken
@@ -28,8 +29,15 @@ class Pacer:
         lost: by how much the clock is ahead of the steps in all [s].
     """
 
-    def __init__(self, period: float) -> None:
-        """Nothing is due before `begin`."""
+    def __init__(
+        self,
+        period: float,
+        *,
+        clock: Callable[[], float] = time.perf_counter,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """Nothing is due before `begin`; `clock` tells the time [s], `sleep` waits for a time [s]."""
+        self._clock, self._sleep = clock, sleep
         self.period = period
         self.steps, self.lost = 0, 0.0
         self._due = self._begun = 0.0
@@ -38,21 +46,21 @@ class Pacer:
 
     def begin(self) -> None:
         """Have the next step be due now."""
-        self._due = time.perf_counter()
+        self._due = self._clock()
 
     def wait(self, over: threading.Event) -> bool:
         """Wait until the next step is due; False if `over` is set before."""
-        while (left := self._due - time.perf_counter()) > 0.0:
+        while (left := self._due - self._clock()) > 0.0:
             if over.is_set():
                 return False
-            time.sleep(left if left < 2.0 * SETTLED else min(left - SETTLED, 0.05))
-        self._begun = time.perf_counter()
+            self._sleep(left if left < 2.0 * SETTLED else min(left - SETTLED, 0.05))
+        self._begun = self._clock()
         self._late = self._begun - self._due
         return not over.is_set()
 
     def done(self) -> Step:
         """Count the step that was waited for, and tell how it went."""
-        now = time.perf_counter()
+        now = self._clock()
         step = Step(self._late, now - self._begun)
         self._recent.append(step)
         self.steps += 1

@@ -177,7 +177,10 @@ class Rig:
             new.start_from(Snapshot(new.scene, built.first_pose, Place(old.origin, pose, old.state, hold, old.time)))
         self.simulation, self.scene, self._tears = new, new.scene, 0
         if new.solver != self.solver:
-            new.change_solver(self.solver)
+            try:
+                new.change_solver(self.solver)
+            except ValueRangeError:  # a grid that tears, which only one solver steps
+                self.solver = new.solver
         if self.wind is not None:
             new.turn_wind(self.wind)
 

@@ -19,19 +19,22 @@ class Savings:
         self._rig, self._changes = rig, changes
         self._behind = FallingBehind(0)
         self._asked: Solver | None = None
+        self._tears = False
         self._ways: list[tuple[str, Solver]] = []
 
     def note(self, seconds: float, period: float) -> None:
         """Take how long a frame has taken, of the time that there is for it [s]."""
         asked = self._changes.solver
-        if asked is not self._asked:
-            self._asked, self._ways = asked, self._ways_from(asked, period)
+        tears = self._rig.scene.tearing is not None
+        if asked is not self._asked or tears != self._tears:
+            self._asked, self._tears = asked, tears
+            self._ways = self._ways_from(asked, period)
             self._behind = FallingBehind(len(self._ways))
         before = self._behind.level
         level = self._behind.note(seconds, period)
         if level != before:
             text, solver = self._ways[level - 1] if level else ("everything as asked for again", asked)
-            self._changes.use(solver, text if not level else f"too slow: {text}")
+            self._changes.use(solver, text if not level else f"too slow: {text}", must=False)
 
     def told(self, rate: float) -> str:
         """What is given up, at a rate of steps against the clock's; empty for nothing."""
@@ -47,7 +50,7 @@ class Savings:
         fewest = {"euler": self._rig.simulation.own_substeps(period), XPBD.name: FEW}.get(asked.name, 1)
         if not isinstance(asked, XPBD) and fewest < used:
             ways.append((f"{fewest} substeps", replace(asked, substeps=fewest)))
-        if self._rig.scene.tearing is None or isinstance(asked, XPBD):
+        if not self._tears or isinstance(asked, XPBD):
             for substeps in (2 * FEW, FEW):
                 if not (isinstance(asked, XPBD) and used <= substeps):
                     ways.append((f"xpbd in {substeps}", XPBD(substeps=substeps)))

@@ -12,6 +12,7 @@ from pathlib import Path
 from rich.console import Console
 
 from cape.cli.commands.replay import Cut
+from cape.cli.compiling_told import telling
 from cape.cli.exports.writing import require_writable, write
 from cape.cli.live.bindings import Bindings
 from cape.cli.live.cast import Cast, cast
@@ -95,7 +96,8 @@ def _steer(live: Live, who: Cast, *, seconds: float | None, output: Path | None)
             live.stop_keeping("the disk is nearly full: recording stopped")
 
     try:
-        terminal.run(watch)
+        with telling.within(lambda text: live.say(text)):
+            terminal.run(watch)
     except (BrokenPipeError, ConnectionError):
         live.end("nobody reads what is told")
 

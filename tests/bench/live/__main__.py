@@ -1,0 +1,138 @@
+"""How evenly a live run steps, and how much memory it takes, whatever its viewer does.
+
+`python -m tests.bench.live [--seconds 300] [--case NAME]` runs the default cape at 60 frames a second with a viewer that
+
+    reads       takes all that comes and draws nothing
+    draws       draws in software, on both cores, as fast as it can (needs Vulkan: apt-get install mesa-vulkan-drivers)
+    stopped     reads for a while, and is then stopped (SIGSTOP)
+    killed      reads for a while, and is then killed
+    recorded    reads, while all frames are kept
+
+and tells, by case: how late steps began (median, 99th percentile, most) and how long they took; how many ended late that
+had begun late and taken less than 12 ms; the memory of the physics and the sender from 30 s on (or a fifth of the time);
+the share of real time, and how busy the machine was with anything else.
+"""
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+import cape
+import motions
+import skeleton
+from cape.live.character import CharacterSource
+from cape.live.feed.viewers import LOOPBACK, free_port, program
+
+CASES = ("reads", "draws", "stopped", "killed", "recorded")
+QUICK = 0.012  # s, of a step that has no excuse to end late
+
+
+def viewer(port: int, *, draws: bool) -> subprocess.Popen[bytes]:
+    ways = ["--headless", "--hide-welcome-screen", "--renderer", "vulkan"] if draws else ["--test-receive"]
+    process = subprocess.Popen(
+        [program(), "--bind", LOOPBACK, "--port", str(port), "--memory-limit", "1GB", *ways],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    time.sleep(5.0 if draws else 2.0)
+    return process
+
+
+def draw_on(port: int, over: threading.Event) -> None:
+    """Have a viewer draw one picture after the other, in a process of its own."""
+    script = (
+        "import sys\nfrom rerun.experimental import ViewerClient\n"
+        f"client = ViewerClient.connect('rerun+http://{LOOPBACK}:{port}/proxy')\n"
+        "while True:\n"
+        "    views = client.get_state().views\n"
+        "    if views: client.take_screenshot(views[0].view_id)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.DEVNULL)
+    over.wait()
+    process.kill()
+    process.wait()
+
+
+def memory(process: int) -> float:
+    """Resident, without what is shared with others [MB]."""
+    with suppress(OSError), open(f"/proc/{process}/smaps_rollup") as file:
+        rows = dict(line.split(":", 1) for line in file.read().splitlines()[1:])
+        return sum(float(rows[name].split()[0]) for name in ("Private_Clean", "Private_Dirty")) / 1e3
+    return 0.0
+
+
+def run(case: str, seconds: float) -> dict[str, Any]:
+    clips = [motions.load(name) for name in ("idle", "walk", "run", "kick", "jump", "spin")]
+    body = skeleton.Skeleton.from_clip(clips[0])
+    scene = cape.dress(body, body.track(clips[0]))
+    source = CharacterSource(clips, body, "idle", once=("kick", "jump", "spin"))
+    port, over = free_port(), threading.Event()
+    process = viewer(port, draws=case == "draws")
+    live = cape.Live(
+        scene, source, viewer=f"rerun+http://{LOOPBACK}:{port}/proxy", keep=case == "recorded", end_with_viewer=False
+    )
+    marks: list[tuple[float, float]] = []
+    try:
+        with live:
+            live.steps = []
+            drawing = threading.Thread(target=draw_on, args=(port, over), daemon=True)
+            if case == "draws":
+                drawing.start()
+            begun, told = time.monotonic(), False
+            plan = ["walk", "run", "kick", "walk", "jump", "run", "spin", "idle"]
+            while (now := time.monotonic() - begun) < seconds and live.running:
+                live.wait(1.0)
+                marks.append((now, memory(os.getpid()) + memory(live.sender_process)))
+                if len(marks) % 5 == 0:
+                    source.go(plan[len(marks) // 5 % len(plan)])
+                if not told and now > min(10.0, seconds / 6.0) and case in ("stopped", "killed"):
+                    process.send_signal(signal.SIGSTOP if case == "stopped" else signal.SIGKILL)
+                    told = True
+            over.set()
+            status, steps = live.status, np.array(live.steps)
+    finally:
+        over.set()
+        process.kill()
+        process.wait()
+    late, took = 1e3 * steps[60:].T
+    settled = [each for at, each in marks if at > min(30.0, seconds / 5.0)]
+    slow = (late + took > 1e3 / live.fps) & (took < 1e3 * QUICK) & (late > 1.0)
+    return {
+        "case": case,
+        "seconds": round(status.clock, 1),
+        "steps": len(late),
+        "late_ms": {"median": q(late, 0.5), "p99": q(late, 0.99), "most": q(late, 1.0)},
+        "took_ms": {"median": q(took, 0.5), "p99": q(took, 0.99), "most": q(took, 1.0)},
+        "late_though_quick": int(slow.sum()),
+        "memory_mb": {"at_30_s": round(settled[0], 1), "grew_by": round(max(settled) - settled[0], 1)},
+        "realtime_factor": round(status.time / status.clock, 3),
+        "given_up": status.given_up,
+        "load": os.getloadavg()[0],
+    }
+
+
+def q(values: np.ndarray, share: float) -> float:
+    return round(float(np.quantile(values, share)), 2)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=300.0)
+    parser.add_argument("--case", choices=CASES, action="append")
+    asked = parser.parse_args()
+    for case in asked.case or CASES:
+        print(json.dumps(run(case, asked.seconds)), flush=True)
+
+
+if __name__ == "__main__":
+    main()
