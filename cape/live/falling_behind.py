@@ -32,6 +32,7 @@ class FallingBehind:
         self._recent: deque[float] = deque(maxlen=LOOKED_AT)
         self._left: list[_Level] = []
         self._roomy, self._patience, self._since = 0, PATIENCE, 0
+        self._returned = False  # whether what was given up has come back lately
 
     def limit(self, most: int) -> None:
         """Have no more than so many levels from now on."""
@@ -47,16 +48,17 @@ class FallingBehind:
         if self._left and self._left[-1].after == 0.0:
             self._left[-1].after = mean
         if mean > FULL * period and self.level < self.most:
-            if self._since < PATIENCE:  # it was given back too soon
+            if self._returned and self._since < PATIENCE:  # too soon
                 self._patience = min(2 * self._patience, MOST_PATIENCE)
             self._left.append(_Level(mean))
             return self._go_to(self.level + 1)
         self._roomy = self._roomy + 1 if self._has_room(mean, period) else 0
         if self._left and self._roomy >= self._patience:
             self._left.pop()
+            self._returned = True
             return self._go_to(self.level - 1)
-        if self.level == 0 and self._since > MOST_PATIENCE:
-            self._patience = PATIENCE
+        if self._since > MOST_PATIENCE:
+            self._returned, self._patience = False, PATIENCE
         return self.level
 
     def _has_room(self, mean: float, period: float) -> bool:

@@ -7,6 +7,7 @@ import tempfile
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from cape.live.feed.mailbox import LiveFrame, Mailbox
 from cape.live.feed.sending import write_setup
@@ -16,6 +17,8 @@ from motions.errors import UserError
 NICER = 5  # by how much who draws gives way to who computes
 ENDING = 1.5  # [s] that the process has to end by itself
 FOLDER = "/dev/shm"
+OWN_GROUP: dict[str, Any] = {"process_group": 0} if os.name == "posix" else {}
+"""Ctrl-C is for who computes. In a session of its own a process would not give way: Linux shares out time by these."""
 
 
 class Sender:
@@ -49,8 +52,8 @@ class Sender:
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C is for who computes
             env={**os.environ, "RUST_LOG": "off"},
+            **OWN_GROUP,
         )
         be_nice(self._process.pid)
         assert self._process.stdin is not None

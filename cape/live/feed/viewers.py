@@ -12,7 +12,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from cape.live.feed.sender import be_nice
+from cape.live.feed.sender import OWN_GROUP, be_nice
 from motions.errors import UserError, ValueRangeError
 
 LOOPBACK = "127.0.0.1"
@@ -50,8 +50,8 @@ class ViewerProcess:
             stdin=subprocess.DEVNULL,
             stdout=self._log,
             stderr=self._log,
-            start_new_session=True,  # Ctrl-C is for who computes
             env={"RUST_LOG": "warn", **os.environ},
+            **OWN_GROUP,
         )  # fmt: skip
         be_nice(self._process.pid)
         reached = LOOPBACK if ipaddress.ip_address(bind).is_unspecified else bind

@@ -1,0 +1,110 @@
+"""Steps in time with a clock that the tests turn."""
+
+import threading
+
+import pytest
+
+from cape.live.falling_behind import LOOKED_AT, PATIENCE, FallingBehind
+from cape.live.pacing import Pacer
+
+PERIOD = 1.0 / 64.0  # s, which adds up without rounding
+NEVER = threading.Event()
+
+
+class Clock:
+    """A clock that only sleeping, and working, turns on."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        assert seconds > 0.0
+        self.now += seconds
+
+
+def paced(clock: Clock, takes: list[float]) -> tuple[Pacer, list[float]]:
+    """A pacer that has taken steps of so long [s], and when each began after the first [s]."""
+    pacer, begun = Pacer(PERIOD, clock=clock, sleep=clock.sleep), []
+    pacer.begin()
+    for seconds in takes:
+        assert pacer.wait(NEVER)
+        begun.append(clock.now - 100.0)
+        clock.now += seconds
+        pacer.done()
+    return pacer, begun
+
+
+def test_steps_begin_when_they_are_due_however_long_they_take():
+    _, begun = paced(Clock(), [0.001, 0.009, 0.0, 0.015, 0.003])
+    assert begun == pytest.approx([k * PERIOD for k in range(5)], abs=1e-12)
+
+
+def test_a_step_that_takes_too_long_puts_off_the_next_and_no_other():
+    pacer, begun = paced(Clock(), [0.001, 3.5 * PERIOD, 0.001, 0.001])
+    assert begun == pytest.approx([0.0, PERIOD, 4.5 * PERIOD, 5.5 * PERIOD], abs=1e-12)
+    assert pacer.lost == pytest.approx(2.5 * PERIOD, abs=1e-12)
+    assert pacer.mean_late == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_rate_is_that_of_steps_to_those_that_were_due():
+    assert paced(Clock(), [0.5 * PERIOD] * 200)[0].rate == 1.0
+    assert paced(Clock(), [2.0 * PERIOD] * 200)[0].rate == pytest.approx(0.5, abs=1e-9)
+
+
+def test_waiting_ends_with_the_run():
+    clock, over = Clock(), threading.Event()
+    pacer = Pacer(PERIOD, clock=clock, sleep=lambda seconds: (clock.sleep(seconds), over.set()))  # pyright: ignore[reportArgumentType]
+    pacer.begin()
+    assert pacer.wait(over)
+    pacer.done()
+    assert not pacer.wait(over)
+    assert clock.now < 100.0 + PERIOD
+
+
+def levels(behind: FallingBehind, seconds: float, frames: int) -> list[int]:
+    return [behind.note(seconds, PERIOD) for _ in range(frames)]
+
+
+def test_nothing_is_given_up_while_steps_fit():
+    assert set(levels(FallingBehind(3), 0.9 * PERIOD, 500)) == {0}
+
+
+def test_one_thing_after_the_other_is_given_up_and_no_more_than_there_are():
+    behind = FallingBehind(2)
+    assert levels(behind, 1.5 * PERIOD, LOOKED_AT)[-2:] == [0, 1]
+    assert levels(behind, 1.2 * PERIOD, LOOKED_AT)[-2:] == [1, 2]
+    assert set(levels(behind, 1.2 * PERIOD, 1000)) == {2}
+
+
+def test_a_single_slow_frame_gives_nothing_up():
+    behind = FallingBehind(2)
+    levels(behind, 0.5 * PERIOD, 100)
+    behind.note(10.0 * PERIOD, PERIOD)
+    assert set(levels(behind, 0.5 * PERIOD, 100)) == {0}
+
+
+def test_what_was_given_up_comes_back_when_the_machine_is_free_again():
+    """A frame of 20 ms took 10 ms in the cheaper way; at 4 ms in that one it will take 8 ms, which fits."""
+    behind = FallingBehind(1)
+    levels(behind, 20.0 / 15.6 * PERIOD, LOOKED_AT)
+    levels(behind, 10.0 / 15.6 * PERIOD, 3 * PATIENCE)
+    assert behind.level == 1  # at 20 ms there would be no room
+    assert levels(behind, 4.0 / 15.6 * PERIOD, PATIENCE + 2 * LOOKED_AT)[-1] == 0
+
+
+def test_what_comes_back_in_vain_is_left_alone_for_longer_each_time():
+    behind, waits = FallingBehind(1), []
+    levels(behind, 1.5 * PERIOD, LOOKED_AT)
+    for _ in range(4):
+        levels(behind, 1.0 * PERIOD, LOOKED_AT)  # in the cheaper way, under load
+        waited = 0
+        while behind.note(0.4 * PERIOD, PERIOD) == 1:
+            waited += 1
+            assert waited < 5000
+        waits.append(waited)
+        levels(behind, 1.5 * PERIOD, LOOKED_AT)
+        assert behind.level == 1
+    assert all(later > 1.5 * before for before, later in zip(waits, waits[1:], strict=False))
