@@ -54,22 +54,22 @@ class Rig:
         self.simulation = Simulation(scene, solver=solver, threads=threads)
         self.time, self.wind = 0.0, scene.wind
         self._tears = 0
-        self._now = self.hands.pose(0.0)
-        self.pose_for(scene, self._now)
+        self.pose_for(scene)
 
     @property
     def bones(self) -> Pose:
         """Where the source's bones are, as they were last."""
         count = len(self.hands.source.names)
-        return Pose(self._now.positions[:count], self._now.rotations_wxyz[:count])
+        now = self.hands.now
+        return Pose(now.positions[:count], now.rotations_wxyz[:count])
 
-    def pose_for(self, scene: Scene, pose: Pose | None = None) -> Pose:
+    def pose_for(self, scene: Scene) -> Pose:
         """Where the bones are that a scene uses, in its order.
 
         Raises:
             UnknownNameError: one is not there.
         """
-        pose = self._now if pose is None else pose
+        pose = self.hands.now
         chosen = []
         for bone in scene.bones:
             try:
@@ -94,7 +94,7 @@ class Rig:
         Raises:
             UserError: the bones' poses are none, or the cloth explodes.
         """
-        self._now = self.hands.pose(self.time + dt)
+        self.hands.pose(self.time + dt)
         self.simulation.step(self.pose_for(self.scene), dt)
         self.time += dt
         if self.simulation.tears != self._tears and self.wind is not None:

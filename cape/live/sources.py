@@ -134,6 +134,7 @@ class Hands:
         self.source = source
         self._offsets = np.zeros((len(source.names), 3))
         self._put: dict[str, FloatArray] = {}
+        self._told = source.pose(0.0)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -173,7 +174,13 @@ class Hands:
 
     def pose(self, time: float) -> Pose:
         """Where all of `names` are at a time [s]."""
-        told = self.source.pose(time)
+        self._told = self.source.pose(time)
+        return self.now
+
+    @property
+    def now(self) -> Pose:
+        """Where all of `names` are since they were last asked for, and moved."""
+        told = self._told
         positions = np.asarray(told.positions, dtype=float) + self._offsets
         rotations = np.asarray(told.rotations_wxyz, dtype=float)
         if self._put:

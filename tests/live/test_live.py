@@ -131,9 +131,9 @@ def test_what_is_pinned_stays_where_it_was_and_is_let_go_again():
     run, frame = changed(lambda run: run.changes.pin("bottom left"), "pinned")
     corner = run.take().positions[frame:, SHEET.region("bottom")[0]]
     assert np.ptp(corner, axis=0).max() < 1e-6
-    run, _ = changed(lambda run: run.changes.pin("top left"), "let go")
-    fallen = run.take().positions[:, SHEET.region("top_left")[0], 2]
-    assert fallen[0] - fallen[-1] > 0.02
+    run, _ = changed(lambda run: run.changes.pin("top"), "let go")
+    fallen = run.take().positions[:, SHEET.region("top")[0], 2]
+    assert fallen[0] - fallen[-1] > 0.1
 
 
 def test_it_tears_by_hand_and_is_put_on_anew():
@@ -146,7 +146,7 @@ def test_it_tears_by_hand_and_is_put_on_anew():
         run.changes.set_fabric("denim")
         until(lambda: "stays as it is" in run.status.message, run)
         run.changes.reset()
-        until(lambda: "anew" in run.status.message, run)
+        until(lambda: run.status.message == "put on anew", run)
         whole = run.status.frame
         until(lambda: run.status.frame >= whole + 5, run)
     take = run.take()
@@ -206,12 +206,12 @@ def test_a_character_goes_on_where_its_motion_ends():
     places = np.stack([np.sin(angle), 1.0 - np.cos(angle), 0.0 * angle], axis=1)[:, None] * 4.0 / np.pi
     turns = np.stack([np.cos(angle / 2.0), 0.0 * angle, 0.0 * angle, np.sin(angle / 2.0)], axis=1)[:, None]
     source = TrackSource(BoneTrack(("hips",), times, places, turns, roles={"pelvis": "hips"}))
-    there = np.array([source.pose(t).positions[0] for t in np.arange(0.0, 9.0, 1.0 / FPS)])
-    speeds = np.linalg.norm(np.diff(there, axis=0), axis=1) * FPS
+    there = np.array([source.pose(t).positions[0] for t in np.arange(0.0, 9.0, 0.1)])
+    speeds = np.linalg.norm(np.diff(there, axis=0), axis=1) / 0.1
     assert speeds.min() > 0.9
     assert speeds.max() < 1.1
     # Once round is eight metres.
-    assert np.linalg.norm(there[round(8.0 * FPS)] - there[0]) < 0.3
+    assert np.linalg.norm(there[80] - there[0]) < 0.3
 
 
 def test_what_is_no_character_goes_back_the_way_it_came():

@@ -1,6 +1,7 @@
 """Steps in time with a clock that the tests turn."""
 
 import threading
+from itertools import pairwise
 
 import pytest
 
@@ -107,4 +108,4 @@ def test_what_comes_back_in_vain_is_left_alone_for_longer_each_time():
         waits.append(waited)
         levels(behind, 1.5 * PERIOD, LOOKED_AT)
         assert behind.level == 1
-    assert all(later > 1.5 * before for before, later in zip(waits, waits[1:], strict=False))
+    assert all(later > 1.5 * before for before, later in pairwise(waits))

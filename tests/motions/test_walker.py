@@ -80,7 +80,7 @@ def test_it_turns_at_the_rate_that_it_is_told():
 
 def test_where_it_turns_its_root_stays():
     straight, turned = (walk(60, {}, turning)[0][:, 0] for turning in (0.0, 2.0))
-    assert np.abs(turned - straight).max() < 0.02  # it sways on the spot, seen from another side
+    assert np.abs(turned - straight).max() < 0.05  # it sways on the spot, seen from another side
 
 
 def test_an_unknown_clip_is_told():

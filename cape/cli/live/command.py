@@ -95,11 +95,8 @@ def _steer(live: Live, who: Cast, *, seconds: float | None, output: Path | None)
         if live.keeper is not None and output is not None and _is_full(live.keeper, output):
             live.stop_keeping("the disk is nearly full: recording stopped")
 
-    try:
-        with telling.within(lambda text: live.say(text)):
-            terminal.run(watch)
-    except (BrokenPipeError, ConnectionError):
-        live.end("nobody reads what is told")
+    with telling.within(lambda text: live.say(text)):
+        terminal.run(watch)
 
 
 def _is_full(keeper: Keeper, output: Path) -> bool:

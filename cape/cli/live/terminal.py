@@ -5,12 +5,18 @@ import os
 import shutil
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from cape.live.live import Live
 from motions.files import printable
 
 PAINTED = 0.1  # [s] between looks at how it goes
 CLEAR = "\r\x1b[K"
+GONE: tuple[type[Exception], ...] = (OSError,)  # what is raised by a terminal that has vanished
+with suppress(ImportError):  # Windows
+    import termios
+
+    GONE = OSError, termios.error
 
 
 class Terminal:
@@ -23,12 +29,11 @@ class Terminal:
         self._said = ""
 
     def run(self, watch: Callable[[], None]) -> None:
-        """Read keys until the run ends; `watch` is called ten times a second.
-
-        Raises:
-            BrokenPipeError: nobody reads what is painted.
-        """
-        asyncio.run(self._run(watch))
+        """Read keys until the run ends, also where the terminal vanishes; `watch` is called ten times a second."""
+        try:
+            asyncio.run(self._run(watch))
+        except GONE:
+            self._live.end("the terminal was closed")
 
     async def _run(self, watch: Callable[[], None]) -> None:
         if not sys.stdin.isatty():

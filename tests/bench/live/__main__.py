@@ -7,6 +7,7 @@
     stopped     reads for a while, and is then stopped (SIGSTOP)
     killed      reads for a while, and is then killed
     recorded    reads, while all frames are kept
+    nothing     for comparison: no run at all, but a loop that waits for its next turn as often
 
 and tells, by case: how late steps began (median, 99th percentile, most) and how long they took; how many ended late that
 had begun late and taken less than 12 ms; the memory of the physics and the sender from 30 s on (or a fifth of the time);
@@ -31,8 +32,9 @@ import motions
 import skeleton
 from cape.live.character import CharacterSource
 from cape.live.feed.viewers import LOOPBACK, free_port, program
+from cape.live.pacing import Pacer
 
-CASES = ("reads", "draws", "stopped", "killed", "recorded")
+CASES = ("nothing", "reads", "draws", "stopped", "killed", "recorded")
 QUICK = 0.012  # s, of a step that has no excuse to end late
 
 
@@ -69,6 +71,18 @@ def memory(process: int) -> float:
         rows = dict(line.split(":", 1) for line in file.read().splitlines()[1:])
         return sum(float(rows[name].split()[0]) for name in ("Private_Clean", "Private_Dirty")) / 1e3
     return 0.0
+
+
+def nothing(seconds: float) -> dict[str, Any]:
+    """How late a loop wakes up that does nothing else: what the machine itself adds."""
+    pacer, over, steps = Pacer(1.0 / 60.0), threading.Event(), []
+    pacer.begin()
+    while len(steps) < 60.0 * seconds:
+        pacer.wait(over)
+        steps.append(pacer.done())
+    late = 1e3 * np.array(steps)[60:, 0]
+    told = {"median": q(late, 0.5), "p99": q(late, 0.99), "most": q(late, 1.0)}
+    return {"case": "nothing", "seconds": seconds, "steps": len(late), "late_ms": told, "load": os.getloadavg()[0]}
 
 
 def run(case: str, seconds: float) -> dict[str, Any]:
@@ -143,7 +157,7 @@ def main() -> None:
     if asked.ahead:
         get_ahead()
     for case in asked.case or CASES:
-        print(json.dumps(run(case, asked.seconds)), flush=True)
+        print(json.dumps(nothing(asked.seconds) if case == "nothing" else run(case, asked.seconds)), flush=True)
 
 
 if __name__ == "__main__":

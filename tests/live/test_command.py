@@ -1,0 +1,203 @@
+"""`cape live` in a terminal: keys that are answered in the next frames, and runs that end in order."""
+
+import json
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cape
+import motions
+import skeleton
+from tests.support.command import CAPE, Forks
+from tests.support.processes import mistake_told
+
+if sys.platform == "win32":
+    pytest.skip("needs a terminal of its own", allow_module_level=True)
+
+LONG = 120.0  # s that something may take on a machine that is busy
+READY = r"\? tells the keys"
+QUICK = ("--garment", "back_cape", "--spacing", "0.08", "--no-self-contact")
+
+
+class Terminal:
+    """A command in a terminal of its own."""
+
+    def __init__(self, *arguments: str, folder: Path):
+        self.folder, self.said = folder, ""
+        self._end, own = pty.openpty()
+        self.process = subprocess.Popen(
+            [CAPE, "live", *arguments],
+            cwd=folder,
+            stdin=own,
+            stdout=subprocess.PIPE,
+            stderr=own,
+            start_new_session=True,
+            env={**os.environ, "TERM": "xterm"},
+        )
+        os.close(own)
+
+    def wait_for(self, pattern: str) -> re.Match[str]:
+        """Wait until something is said."""
+        end = time.monotonic() + LONG
+        while (found := re.search(pattern, self.said)) is None:
+            assert time.monotonic() < end, self.said[-2000:]
+            assert self._read(), self.said[-2000:]
+        return found
+
+    def press(self, keys: str) -> None:
+        """Type; what is said from here on counts."""
+        while select.select([self._end], [], [], 0.0)[0] and self._read():
+            pass
+        self.said = ""
+        os.write(self._end, keys.encode())
+
+    def hang_up(self) -> None:
+        """Close the terminal."""
+        os.close(self._end)
+        self._end = -1
+
+    def ended(self) -> int:
+        """Wait for the end; gives the status."""
+        end = time.monotonic() + LONG
+        while self.process.poll() is None and time.monotonic() < end:
+            if self._end >= 0:
+                self._read()
+            else:
+                time.sleep(0.05)
+        assert self.process.stdout is not None
+        self.printed = self.process.stdout.read().decode()
+        return self.process.wait(1.0)
+
+    def _read(self) -> bool:
+        if not select.select([self._end], [], [], 0.1)[0]:
+            return self.process.poll() is None
+        with suppress(OSError):
+            data = os.read(self._end, 65536).decode(errors="replace")
+            self.said += data
+            return bool(data)
+        return False
+
+    def close(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        if self._end >= 0:
+            os.close(self._end)
+
+
+@contextmanager
+def terminal(*arguments: str, folder: Path) -> Iterator[Terminal]:
+    run = Terminal("--no-viewer", *arguments, folder=folder)
+    try:
+        yield run
+    finally:
+        run.close()
+
+
+def test_a_key_is_answered_within_two_frames_of_the_recording(tmp_path: Path):
+    """It stands still, is told to kick, and is then let go on frame by frame: the first of them kicks already."""
+    with terminal("-o", "run.npz", *QUICK, folder=tmp_path) as run:
+        run.wait_for(READY)
+        run.press(" ")
+        before = int(run.wait_for(r"frame (\d+) \| paused")[1])
+        run.press("k......")
+        run.wait_for(rf"frame {before + 6} \| paused")
+        run.press("q")
+        assert run.ended() == 0
+    bones = cape.Take.load(tmp_path / "run.npz").bones
+    clip = motions.load("idle")
+    still = skeleton.Skeleton.from_clip(clip).track(clip)
+    off = [np.abs(bones.positions[k] - still.positions[k]).max() for k in range(before + 7)]
+    assert max(off[: before + 1]) < 1e-9
+    assert min(off[before + 2 :]) > 0.0
+
+
+def test_keys_in_a_run_that_goes_on(tmp_path: Path):
+    """From a key to the motion that answers it, measured at full speed: as many frames as told since the key."""
+    with terminal("-o", "run.npz", *QUICK, folder=tmp_path) as run:
+        run.wait_for(READY)
+        run.press("?")
+        run.wait_for("kick, once")
+        run.press("w")
+        run.wait_for(r"wind -3\.0 0\.0 0\.0 m/s")
+        run.press("\x1b[A")
+        run.press("x")
+        run.wait_for("no key x")
+        run.press("\x03")
+        assert run.ended() == 0
+    take = cape.Take.load(tmp_path / "run.npz")
+    assert "recording" in run.said or "take of" in run.said
+    walked = np.linalg.norm(take.bones.positions[-1, 0, :2] - take.bones.positions[0, 0, :2])
+    assert walked > 0.001
+
+
+@pytest.mark.parametrize(
+    "way", ["SIGINT", "hang up", *(pytest.param(way, marks=pytest.mark.extra) for way in ("SIGTERM", "seconds"))]
+)
+def test_however_it_ends_what_was_recorded_is_complete(way: str, tmp_path: Path):
+    limit = ["--seconds", "0.5"] if way == "seconds" else []
+    with terminal("--scene", "sheet", "--spacing", "0.1", "-o", "run.rrd", "--json", *limit, folder=tmp_path) as run:
+        run.wait_for(READY)
+        run.wait_for(r"frame [1-9]\d* ")
+        if way == "hang up":
+            run.hang_up()
+        elif way != "seconds":
+            run.process.send_signal(getattr(signal, way))
+        assert run.ended() == 0
+    import rerun as rr
+
+    chunks = rr.chunk.RrdReader(tmp_path / "run.rrd").store()
+    facts = json.loads(run.printed)
+    assert facts["frames"] > 0
+    assert facts["output"] == "run.rrd"
+    assert chunks is not None
+    assert not list(tmp_path.glob(".*part*"))
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_run(tmp_path: Path):
+    """As though next to nothing were free: the run goes on, and what fits is written."""
+    script = (
+        "import collections, shutil, sys\n"
+        "usage = collections.namedtuple('usage', 'total used free')\n"
+        "asked = []\n"
+        "def full(path):\n"
+        "    asked.append(path)\n"
+        "    return usage(10**12, 10**12, 10**9 if len(asked) < 4 else 10**7)\n"
+        "import cape.cli.live.command as command\n"
+        "command.shutil = type('s', (), {'disk_usage': staticmethod(full)})\n"
+        "sys.argv = ['cape', 'live', '--no-viewer', '--scene', 'sheet', '--spacing', '0.1', '--seconds', '1.5',"
+        " '-o', 'run.npz', '--json']\n"
+        "from cape.cli import main\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True,
+        timeout=LONG,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "recording stopped" in done.stderr
+    kept = len(cape.Take.load(tmp_path / "run.npz").positions)
+    assert 2 <= kept < json.loads(done.stdout)["frames"]
+
+
+def test_mistakes_are_told_in_a_line(tmp_path: Path):
+    with Forks(tmp_path) as forks:
+        for arguments, text in [
+            (["--web", "--no-viewer"], "--web"),
+            (["--seconds", "-1"], "--seconds"),
+            (["--bind", "everywhere"], "0.0.0.0"),
+            (["--solver", "auto"], "solver by its name"),
+            (["swim"], "walk"),
+        ]:
+            assert text in mistake_told(forks("live", *arguments, folder=tmp_path))[1]
