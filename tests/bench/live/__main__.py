@@ -1,6 +1,7 @@
 """How evenly a live run steps, and how much memory it takes, whatever its viewer does.
 
-`python -m tests.bench.live [--seconds 300] [--case NAME] [--ahead]` runs the default cape at 60 frames a second with a viewer that
+`python -m tests.bench.live [--seconds 300] [--case NAME] [--ahead]` runs the default cape at 60 frames a second with a
+viewer that
 
     reads       takes all that comes and draws nothing
     draws       draws in software, on both cores, as fast as it can (needs Vulkan: apt-get install mesa-vulkan-drivers)
@@ -9,9 +10,9 @@
     recorded    reads, while all frames are kept
     nothing     for comparison: no run at all, but a loop that waits for its next turn as often
 
-and tells, by case: how late steps began (median, 99th percentile, most) and how long they took; how many ended late that
-had begun late and taken less than 12 ms; the memory of the physics and the sender from 30 s on (or a fifth of the time);
-the share of real time, and how busy the machine was. `--ahead` is for a machine that others use as well.
+and tells, by case: how late steps began (median, 99th percentile, most) and how long they took; how many ended late
+that had begun late and taken less than 12 ms; the memory of the physics and the sender from 30 s on (or a fifth of the
+time); the share of real time, and how busy the machine was. `--ahead` is for a machine that others use as well.
 """
 
 import argparse
