@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Collection, Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,7 @@ from skeleton.track import BoneTrack
 
 if TYPE_CHECKING:
     import rerun as rr
+    import rerun.blueprint as rrb
 
 BODY_LAYERS = ("robot", "skeleton", "hitboxes", "shells", "floor")
 OVERHEAD = 4_000_000  # [bytes], more than all but the cloth takes in some minutes of motion
@@ -70,6 +71,39 @@ def save(
         FileError: the file can't be written.
     """
     require_recorder()
+    recording = recording_of(take, layers=layers, surfaces=surfaces, skin=skin, tab=tab)
+    about = {"application": recording.application, "name": recording.name, "blueprint": recording.blueprint}
+    with recording_file(path, **about, size=recording.size) as stream:
+        recording.log(stream)
+
+
+class Recording(NamedTuple):
+    """Takes as they are to be recorded, wherever to.
+
+    Attributes:
+        application: Rerun's application id, under which the viewer keeps its layout.
+        name: what the viewer calls it.
+        blueprint: the layout that it opens with.
+        size: how large it will be, roughly [bytes].
+        log: sends all of it to a stream.
+    """
+
+    application: str
+    name: str
+    blueprint: rrb.Blueprint
+    size: int
+    log: Callable[[rr.RecordingStream], None]
+
+
+def recording_of(
+    take: Take | Sequence[Take],
+    *,
+    layers: Iterable[str] | None = None,
+    surfaces: Sequence[LinkSurface] = (),
+    skin: Skin | None = None,
+    tab: str = "cape",
+) -> Recording:
+    """What `save` writes, to go wherever a stream does; arguments and errors are the same."""
     asked = with_surfaces(check_layers(layers), surfaces)
     worn = worn_of([part for one in ([take] if isinstance(take, Take) else take) for part in takes_apart(one)])
     frames = finite_frames(worn.name, worn.bones, worn.positions)
@@ -86,13 +120,16 @@ def save(
     blueprint = layout(asked, height, worn.colliders, tab=tab, linings=linings, skinned=skin is not None)
     # The viewer keeps a layout for each application.
     application = " ".join(["cape"] + ([tab] if tab != "cape" else []) + (["cloths"] if len(worn.takes) > 1 else []))
-    with recording_file(path, application=application, name=worn.name, blueprint=blueprint, size=size) as stream:
+
+    def log(stream: rr.RecordingStream) -> None:
         for one, cloth in zip(worn.takes, worn.cloths, strict=True):
             log_cloth(stream, asked, one, cloth, frames)
         log_figure(
             stream, asked, worn.bones, worn.colliders, worn.thicknesses, frames, left_out=worn.left_out,
             travel=worn.travel, surfaces=surfaces, skin=skin,
         )  # fmt: skip
+
+    return Recording(application, worn.name, blueprint, size, log)
 
 
 def save_hitboxes(

@@ -168,6 +168,33 @@ class Take:
 
         record.save(self, path, layers=layers, surfaces=surfaces, skin=skin)
 
+    def show(
+        self,
+        *,
+        width: int = 900,
+        height: int = 600,
+        layers: Iterable[str] | None = None,
+        surfaces: Sequence[LinkSurface] = (),
+        skin: Skin | None = None,
+    ) -> None:
+        """Show it in the Rerun viewer, in the output of a Jupyter notebook's cell.
+
+        Args:
+            width: of the viewer [pixels].
+            height: the same.
+            layers: which of `cape.record.LAYERS`, None for all.
+            surfaces: meshes that the bones carry.
+            skin: mesh that the bones move, such as `clip.skin`.
+
+        Raises:
+            UserError: what shows it is not installed, or this is no notebook.
+            UnknownNameError: a layer doesn't exist.
+            ValueRangeError: no frame is finite.
+        """
+        from cape.notebooks.show import show
+
+        show(self, width=width, height=height, layers=layers, surfaces=surfaces, skin=skin)
+
     def keep(self, path: str | PathLike[str]) -> None:
         """Write all that the take holds, to be read by `Take.load`; documented in `cape.results.take_file`.
 

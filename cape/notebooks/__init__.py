@@ -1,0 +1,1 @@
+"""Recordings shown where they are made: in a Jupyter notebook."""
