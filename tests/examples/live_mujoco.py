@@ -1,8 +1,8 @@
 """A cloth on MuJoCo's bodies, beside MuJoCo's own viewer: the robot is drawn there, the cloth in Rerun.
 
 `python live_mujoco.py --show` opens both, which needs a display; without it nothing is shown, for a second. MuJoCo
-(`pip install mujoco`) runs in the main thread, as its viewer wants, and leaves where the bodies are for the thread of the
-cloth.
+(`pip install mujoco`) runs in the main thread, as its viewer wants, and leaves where the bodies are for the thread of
+the cloth.
 """
 
 # What mujoco holds is found at run time alone.

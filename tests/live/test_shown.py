@@ -1,0 +1,147 @@
+"""A live run as it is seen: in the real viewer, and in a browser. Needs Vulkan, and Chromium."""
+
+import base64
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import motions
+import skeleton
+from cape.live.character import CharacterSource
+from cape.live.feed.viewers import LOOPBACK, ViewerProcess
+from cape.live.live import Live
+from cape.scene.dress import dress
+from motions.errors import UserError
+
+pytestmark = pytest.mark.extra
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+LONG = 180.0  # s
+RED = (3.0, 60)  # how many times as red as green, and how red at least, the cape's pixels are
+
+
+def steered(viewer: str) -> tuple[Live, CharacterSource]:
+    clips = [motions.load(name) for name in ("idle", "walk")]
+    body = skeleton.Skeleton.from_clip(clips[0])
+    source = CharacterSource(clips, body, "idle")
+    scene = dress(body, body.track(clips[0]), spacing=0.05)
+    return Live(scene, source, viewer=viewer), source
+
+
+def red(picture: bytes) -> float:
+    """Share of a picture that has the colour of the cape."""
+    pixels = np.asarray(Image.open(BytesIO(picture)).convert("RGB")).astype(float)
+    return float(((pixels[..., 0] > RED[0] * pixels[..., 1]) & (pixels[..., 0] > RED[1])).mean())
+
+
+def seen(picture: Callable[[], bytes], what: Callable[[bytes], bool]) -> bytes:
+    """The first picture that shows something."""
+    end, shown = time.monotonic() + LONG, b""
+    while time.monotonic() < end:
+        with suppress(Exception):
+            shown = picture()
+            if what(shown):
+                return shown
+        time.sleep(0.5)
+    Path(tempfile.gettempdir(), "cape-not-seen.png").write_bytes(shown)
+    raise AssertionError("it is not to be seen; the last picture is cape-not-seen.png in the folder of temporary files")
+
+
+@pytest.fixture
+def window() -> Iterator[ViewerProcess]:
+    """A viewer that draws without a display."""
+    renderer = ("--renderer", "vulkan") if sys.platform == "linux" else ()
+    try:
+        viewer = ViewerProcess(arguments=("--headless", *renderer, "--window-size", "600x700"))
+    except UserError as error:
+        pytest.skip(f"{error}: apt-get install mesa-vulkan-drivers")
+    yield viewer
+    viewer.close()
+
+
+def test_the_viewer_shows_the_cape_and_follows_who_walks(window: ViewerProcess):
+    from rerun.experimental import ViewerClient
+
+    client = ViewerClient.connect(window.url)
+
+    def picture() -> bytes:
+        return client.take_screenshot(client.get_state().views[0].view_id)
+
+    live, source = steered(window.url)
+    with live:
+        seen(picture, lambda shown: red(shown) > 0.02)
+        source.go("walk")
+        begun = live.status.frame
+        while live.status.frame < begun + 300:
+            live.wait(0.5)
+        # Metres on, it is still in the middle of the picture.
+        seen(picture, lambda shown: red(shown) > 0.02)
+        moving = np.asarray(Image.open(BytesIO(picture())))
+        seen(picture, lambda shown: bool(np.any(np.asarray(Image.open(BytesIO(shown))) != moving)))
+        assert not live.status.viewer
+
+
+def test_a_viewer_that_is_closed_ends_the_run():
+    if not sys.platform.startswith("linux"):
+        pytest.skip("needs a viewer that draws without a display")
+    live, _ = steered("web")
+    with live:
+        assert live._screen is not None
+        assert live._screen.viewer is not None
+        live._screen.viewer.close()
+        assert live.wait(LONG).ended == "the viewer was closed"
+
+
+@contextmanager
+def browser(page: str) -> Iterator[Callable[[], bytes]]:
+    """Chromium at a page, without a display; gives what takes pictures of it."""
+    if CHROMIUM is None:
+        pytest.skip("apt-get install chromium")
+    connect: Any = pytest.importorskip("websockets.sync.client", reason="pip install websockets").connect
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        process = subprocess.Popen(
+            [CHROMIUM, "--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+             "--window-size=600,700", "--remote-debugging-port=0", f"--user-data-dir={folder}", page],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        try:
+            told, end = Path(folder, "DevToolsActivePort"), time.monotonic() + LONG
+            while not told.exists() and time.monotonic() < end:
+                time.sleep(0.1)
+            port = told.read_text().split()[0]
+
+            def picture() -> bytes:
+                tabs = json.load(urllib.request.urlopen(f"http://{LOOPBACK}:{port}/json"))
+                url = next(tab["webSocketDebuggerUrl"] for tab in tabs if tab["type"] == "page")
+                with connect(url, max_size=None) as there:
+                    there.send(json.dumps({"id": 1, "method": "Page.captureScreenshot"}))
+                    while (answer := json.loads(there.recv(timeout=60.0))).get("id") != 1:
+                        pass
+                return base64.b64decode(answer["result"]["data"])
+
+            yield picture
+        finally:
+            process.kill()
+            process.wait()
+
+
+def test_a_browser_shows_the_cape():
+    live, _ = steered("web")
+    with live:
+        assert live.page is not None
+        assert live.page.startswith(f"http://{LOOPBACK}:")
+        with browser(live.page) as picture:
+            seen(picture, lambda shown: red(shown) > 0.02)
