@@ -168,6 +168,9 @@ def live(
     ] = None,
     hitboxes: Hitboxes = None,
     web: Annotated[bool, typer.Option("--web", help="Show it in a browser instead of a window.")] = False,
+    by_hand: Annotated[
+        bool, typer.Option("--by-hand", help="Show it on a page on which it can be dragged; needs cape[live].")
+    ] = False,
     no_viewer: Annotated[bool, typer.Option("--no-viewer", help="Show nothing.")] = False,
     connect: Annotated[
         str | None, typer.Option(metavar="URL", help="Show it in a viewer that runs: rerun+http://HOST:9876/proxy.")
@@ -185,10 +188,10 @@ def live(
     from cape.cli.live.command import run
     from cape.cli.scenes.option import telling
 
-    asked = {"--web": web, "--no-viewer": no_viewer, "--connect": connect is not None}
+    asked = {"--web": web, "--by-hand": by_hand, "--no-viewer": no_viewer, "--connect": connect is not None}
     if len(chosen := [option for option, given in asked.items() if given]) > 1:
         raise typer.BadParameter(f"give one of {' and '.join(chosen)}")
-    viewer = connect or ("web" if web else "none" if no_viewer else "window")
+    viewer = connect or ("web" if web else "page" if by_hand else "none" if no_viewer else "window")
     with telling(context, scene):
         return run(
             reading, cape, scene=scene, output=output, hitboxes=hitboxes, viewer=viewer, bind=bind, seconds=seconds,

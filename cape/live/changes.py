@@ -1,6 +1,7 @@
 """What can be changed of a cloth while it is simulated; whatever takes long is made ready beside the run."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -161,12 +162,23 @@ class Changes:
             place: a corner or a region by its name, the number of a corner, or vertices.
         """
 
-        def made(_: Scene) -> tuple[Scene, str]:
+        def made(before: Scene) -> tuple[Scene, str]:
             vertices, name = self._part(place)
-            scene, held = self._rig.with_pin(vertices, f"pin {name}")
+            scene, held = self._rig.with_pin(before, vertices, f"pin {name}")
             return scene, f"{name} {'pinned' if held else 'let go'}"
 
         self._change_scene(made)
+
+    def reach(self, vertex: int, place: ArrayLike) -> None:
+        """Have a vertex that is pinned go to a place in the world [m], as fast as a hand."""
+
+        def reach() -> str | None:
+            # One that is only being pinned, or was let go meanwhile, is not led anywhere.
+            with suppress(KeyError):
+                self._rig.hands.reach(f"pin vertex {vertex}", place)
+            return None
+
+        self._do(reach)
 
     def tear(self, path: ArrayLike | None = None) -> None:
         """Tear the cloth along a path of vertices, None for one from its rim inwards, each time at another place."""

@@ -25,7 +25,7 @@ def corners(cloth: Cloth) -> dict[str, IntArray]:
         if named in cloth.regions:
             found[" ".join(ends)] = np.asarray(cloth.regions[named], np.int64)
         elif all(end in cloth.regions for end in ends):
-            both = np.intersect1d(*(cloth.regions[end] for end in ends))
+            both = np.intersect1d(cloth.regions[ends[0]], cloth.regions[ends[1]])
             if len(both):
                 found[" ".join(ends)] = both.astype(np.int64)
     return found or {name: np.asarray(part, np.int64) for name, part in sorted(cloth.regions.items())}
@@ -88,7 +88,7 @@ def rim(cloth: Cloth) -> IntArray:
     ends = np.unique(once[counts == 1])
     off = cloth.pattern[ends] - cloth.pattern.mean(axis=0)
     angles = (np.arctan2(off[:, 1], off[:, 0]) - np.pi / 2.0) % (2.0 * np.pi)
-    return ends[np.argsort(angles, kind="stable")]
+    return ends[np.argsort(angles, kind="stable")].astype(np.int64)
 
 
 def _part(attachment: Attachment, chosen: NDArray[np.bool_]) -> Attachment:

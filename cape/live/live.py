@@ -13,9 +13,11 @@ import numpy as np
 
 from cape.live.builder import Builder
 from cape.live.changes import Changes
+from cape.live.error_watch import ErrorWatch
 from cape.live.feed.screen import Screen
 from cape.live.keeping import Keeper
 from cape.live.pacing import Pacer, Step
+from cape.live.page.orders import obey
 from cape.live.rig import Rig
 from cape.live.savings import Savings
 from cape.live.sources import Source, Told, ToldSource, TrackSource
@@ -32,7 +34,7 @@ FPS = 60.0
 SWITCH = 0.0005  # [s] after which a thread that computes in Python lets the physics on
 TOLD_EACH = 6  # frames between looks at what changes slowly
 READ = 5.0  # [s] for which something that was said can be read
-Viewing = Literal["window", "web", "none"] | str
+Viewing = Literal["window", "web", "page", "none"] | str
 
 
 class Live:
@@ -73,7 +75,8 @@ class Live:
             fps: frames a second.
             solver: None for symplectic Euler with the step that the scene needs.
             threads: how many share the cloth, None for as many as pay off.
-            viewer: "window", "web" for a browser, "none", or the URL of a viewer that runs already.
+            viewer: "window", "web" for a browser, "page" for one on which the cloth is taken in the hand, "none", or
+                the URL of a viewer that runs already.
             bind: the address that a viewer listens on.
             keep: keep all frames, for `take`.
             end_with_viewer: end the run when the viewer that it has opened is closed.
@@ -101,7 +104,7 @@ class Live:
         self._keeper: Keeper | None = None
         self._status = Status(solver=self._rig.solver.name)
         self._frame, self._speed, self._paused, self._single = 0, 1.0, False, 0
-        self._savings = Savings(self._rig, self.changes)
+        self._savings, self._errors = Savings(self._rig, self.changes), ErrorWatch(self._rig, self._builder)
         self._failed: Exception | None = None
         self._kept_enough = False
         self._begun = self._said = 0.0
@@ -121,7 +124,10 @@ class Live:
         if self._keep:
             self._keeper = Keeper(self._rig, self.name)
         if self._viewing != "none":
-            self._screen = Screen(self._rig, self.name, viewing=self._viewing, bind=self._bind, surfaces=self._surfaces)
+            self._screen = Screen(
+                self._rig, self.name, viewing=self._viewing, bind=self._bind, surfaces=self._surfaces,
+                hear=lambda line: obey(self, line),
+            )  # fmt: skip
             self._screen.show(0)
         self._thread = threading.Thread(target=self._run, name="cape-physics", daemon=True)
         self._thread.start()
@@ -340,13 +346,14 @@ class Live:
 
     def _keep_pace(self, step: Step) -> None:
         self._savings.note(step.took, self._pacer.period)
+        self._errors.note(self._speed / self.fps)
         if self._frame % TOLD_EACH == 0:
             if self._status.message and time.monotonic() > self._said + READ:
                 self._status = self._status.but(message="")
             took, rate = self._pacer.mean_took, self._pacer.rate
             self._status = self._status.but(
                 step_ms=1e3 * took, late_ms=1e3 * self._pacer.mean_late, factor=rate,
-                given_up=self._savings.told(rate), building=self._builder.making,
+                error_mm=1e3 * self._errors.rms, given_up=self._savings.told(rate), building=self._builder.making,
                 viewer="" if self._screen is None else self._screen.trouble,
             )  # fmt: skip
 

@@ -41,6 +41,7 @@ class Rig:
         hands: where the bones are.
         time: of the simulation [s].
         wind: that blows, None for no air.
+        pins: vertices that were ever pinned, by the name of the bone that holds them.
     """
 
     def __init__(self, scene: Scene, source: Source, solver: Solver, *, threads: int | None) -> None:
@@ -53,6 +54,7 @@ class Rig:
         self.hands, self.solver, self.threads = Hands(source), solver, threads
         self.simulation = Simulation(scene, solver=solver, threads=threads)
         self.time, self.wind = 0.0, scene.wind
+        self.pins: dict[str, NDArray[np.int64]] = {}
         self._tears = 0
         self.pose_for(scene)
 
@@ -169,6 +171,9 @@ class Rig:
         """
         new = built.simulation
         if not built.anew:
+            for name, vertices in self.pins.items():
+                if not any(a.bone == name for a in self.scene.attachments):  # it is pinned from here on
+                    self.hands.put(name, self.simulation.positions[vertices].mean(axis=0))
             old = self.simulation.snapshot().place
             alike = all(a is b for a, b in zip(self.scene.attachments, new.scene.attachments, strict=False))
             alike = alike and len(self.scene.attachments) == len(new.scene.attachments)
@@ -190,17 +195,18 @@ class Rig:
             return self.scene
         return replace(self.scene, tearing=BY_HAND, strain_limit=False, tethers=None)
 
-    def with_pin(self, vertices: NDArray[np.int64], name: str) -> tuple[Scene, bool]:
-        """The scene with some vertices pinned where they are, or let go where any is held; whether they are pinned.
+    def with_pin(self, scene: Scene, vertices: NDArray[np.int64], name: str) -> tuple[Scene, bool]:
+        """A scene with some vertices pinned where they are, or let go where any is held; whether they are pinned.
 
         Raises:
             ValueRangeError: they can't be let go of.
         """
         if self.simulation.tears:
             raise ValueRangeError("a cloth that has torn stays held as it is, until it is put on anew")
-        freed = let_go(self.scene, vertices)
+        freed = let_go(scene, vertices)
         if freed is not None:
             return freed, False
         places = self.simulation.positions[vertices]
         self.hands.put(name, places.mean(axis=0))
-        return pinned(self.scene, vertices, name, places - places.mean(axis=0)), True
+        self.pins[name] = vertices
+        return pinned(scene, vertices, name, places - places.mean(axis=0)), True

@@ -15,23 +15,29 @@ from skeleton.track import BoneTrack
 FloatArray = NDArray[np.float64]
 
 FADE = 0.3  # [s] in which the end of a motion fades into its beginning
+FASTEST = 3.0  # [m/s] of what is moved by hand
 UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
 Told = Callable[[float], Bones]
 """What tells the poses of bones, given the time of the simulation [s]."""
 
 
 class Source(Protocol):
-    """Tells where bones are.
+    """Tells where bones are."""
 
-    Attributes:
-        names: of the B bones.
-        parents: index of each bone's parent, -1 for none, shape (B,); None where that is not known.
-        roles: name of the bone that plays each role.
-    """
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the B bones."""
+        ...
 
-    names: tuple[str, ...]
-    parents: tuple[int, ...] | None
-    roles: Mapping[str, str]
+    @property
+    def parents(self) -> tuple[int, ...] | None:
+        """Index of each bone's parent, -1 for none, shape (B,); None where that is not known."""
+        ...
+
+    @property
+    def roles(self) -> Mapping[str, str]:
+        """Name of the bone that plays each role."""
+        ...
 
     def pose(self, time: float) -> Pose:
         """Where all bones are at a time of the simulation [s], which never goes back."""
@@ -102,7 +108,9 @@ class ToldSource:
         Raises:
             ValueRangeError: the function gives no poses.
         """
-        self._told, self.parents, self.roles = told, None, {}
+        self._told = told
+        self.parents: tuple[int, ...] | None = None
+        self.roles: dict[str, str] = {}
         first = told(0.0)
         self.names = bones if isinstance(first, Pose) else tuple(first)
         self.pose(0.0)
@@ -134,6 +142,8 @@ class Hands:
         self.source = source
         self._offsets = np.zeros((len(source.names), 3))
         self._put: dict[str, FloatArray] = {}
+        self._goals: dict[str, FloatArray] = {}
+        self._time = 0.0
         self._told = source.pose(0.0)
 
     @property
@@ -167,6 +177,17 @@ class Hands:
     def put(self, bone: str, place: ArrayLike) -> None:
         """Have a bone of one's own stand at a place in the world [m]."""
         self._put[bone] = np.asarray(place, dtype=float)
+        self._goals.pop(bone, None)
+
+    def reach(self, bone: str, place: ArrayLike) -> None:
+        """Have a bone that was put somewhere go to a place in the world [m], no faster than `FASTEST`.
+
+        Raises:
+            KeyError: there is none of that name.
+        """
+        if bone not in self._put:
+            raise KeyError(bone)
+        self._goals[bone] = np.asarray(place, dtype=float)
 
     def take_back(self) -> None:
         """Forget all that was moved; what was put somewhere stays."""
@@ -175,6 +196,11 @@ class Hands:
     def pose(self, time: float) -> Pose:
         """Where all of `names` are at a time [s]."""
         self._told = self.source.pose(time)
+        most, self._time = FASTEST * max(time - self._time, 0.0), time
+        for bone, goal in self._goals.items():
+            way = goal - self._put[bone]
+            length = float(np.linalg.norm(way))
+            self._put[bone] = goal if length <= most else self._put[bone] + way * (most / length)
         return self.now
 
     @property

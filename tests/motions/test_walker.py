@@ -5,6 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 import motions
+from motions import quaternions
 from motions.errors import UnknownNameError
 from motions.graph.motion_graph import MotionGraph
 from motions.graph.walker import Walker
@@ -73,7 +74,7 @@ def test_feet_stay_on_the_ground():
 def test_it_turns_at_the_rate_that_it_is_told():
     rate = 0.7
     straight, turned = (walk(120, {}, turning)[1] for turning in (0.0, rate))
-    relative = motions.quaternions.multiply(turned, motions.quaternions.conjugate(straight))
+    relative = quaternions.multiply(turned, quaternions.conjugate(straight))
     angles = np.unwrap(2.0 * np.arctan2(relative[:, 3], relative[:, 0]))
     np.testing.assert_allclose(angles, rate / FPS * np.arange(120), atol=1e-9)
 

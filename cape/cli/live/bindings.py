@@ -1,6 +1,7 @@
 """Which key does what."""
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 from cape.cli.live.cast import GAITS, Cast
@@ -55,7 +56,7 @@ class Bindings:
         if character is None:
             return []
         own = [
-            Binding((key,), key, f"{clip}, once", lambda clip=clip: character.go(clip))
+            Binding((key,), key, f"{clip}, once", partial(character.go, clip))
             for key, clip in (("k", "kick"), ("j", "jump"), ("o", "spin"))
             if clip in character.clips
         ]

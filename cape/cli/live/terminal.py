@@ -40,12 +40,13 @@ class Terminal:
             await self._paint_on(watch, lambda: False)
             return
         from prompt_toolkit.input import create_input
+        from prompt_toolkit.keys import Keys
 
         keys = create_input()
 
         def read() -> None:
             for key in keys.read_keys():
-                self._take(key.key.value if hasattr(key.key, "value") else str(key.key))
+                self._take(key.key.value if isinstance(key.key, Keys) else key.key)
 
         with keys.raw_mode(), keys.attach(read):
             self.show(["? tells the keys, q ends"])

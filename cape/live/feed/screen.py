@@ -1,14 +1,18 @@
 """Where a live run is seen: a viewer and the feed to it, started anew where there is not enough room."""
 
-from collections.abc import Sequence
+import json
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 import numpy as np
 
 from cape.live.feed.mailbox import LiveFrame
 from cape.live.feed.sender import Sender
-from cape.live.feed.viewers import ViewerProcess
+from cape.live.feed.viewers import STARTING, ViewerProcess, address, free_port
 from cape.live.rig import Rig
 from cape.record.moments import Shown
+from motions.errors import UserError
 from skeleton.robot.link_surfaces import LinkSurface
 
 ROOM = 4  # times as many vertices as there are, for those that tears add
@@ -18,14 +22,24 @@ STUCK = 2.0  # [s] without a frame, from which on it is said that the viewer doe
 class Screen:
     """Shows a rig."""
 
-    def __init__(self, rig: Rig, name: str, *, viewing: str, bind: str, surfaces: Sequence[LinkSurface] = ()) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        name: str,
+        *,
+        viewing: str,
+        bind: str,
+        surfaces: Sequence[LinkSurface] = (),
+        hear: Callable[[str], None] | None = None,
+    ) -> None:
         """Open the viewer.
 
         Args:
             rig: whose frames.
             name: what it is called.
-            viewing: "window", "web", or the URL of a viewer that runs.
+            viewing: "window", "web", "page", or the URL of a viewer that runs.
             bind: address to listen on.
+            hear: called with what is asked for on the page, a line each.
             surfaces: meshes that the bones carry.
 
         Raises:
@@ -34,12 +48,25 @@ class Screen:
         self._rig, self._name, self._surfaces = rig, name, tuple(surfaces)
         self._known: tuple[object, ...] = ()
         self._setup = 0
+        self._served = threading.Event()
         own = viewing in ("window", "web")
         self.viewer = ViewerProcess(web=viewing == "web", bind=bind) if own else None
-        url = viewing if self.viewer is None else self.viewer.url
+        self._hear, self._page = hear, ""
+        self._host = address(bind) if viewing == "page" else ""
+        where = (viewing if self.viewer is None else self.viewer.url,)
+        module = "cape.live.feed.sending"
+        if viewing == "page":
+            where, module = (bind, str(free_port(bind))), "cape.live.page.serving"
         try:
-            vertices = ROOM * rig.scene.cloth.vertices
-            self.sender = Sender(url, vertices=vertices, bones=len(rig.hands.source.names))
+            self.sender = Sender(
+                *where,
+                vertices=ROOM * rig.scene.cloth.vertices,
+                bones=len(rig.hands.source.names),
+                module=module,
+                hear=self._take if viewing == "page" else None,
+            )
+            if viewing == "page" and not self._served.wait(STARTING):
+                raise UserError("the page is not served: see what python -c 'import viser' says")
         except BaseException:
             self.close()
             raise
@@ -49,7 +76,16 @@ class Screen:
     @property
     def page(self) -> str | None:
         """Where a browser finds it."""
-        return None if self.viewer is None else self.viewer.page
+        return self._page or (None if self.viewer is None else self.viewer.page)
+
+    def _take(self, line: str) -> None:
+        """Take what the page says: first where it is served, then what is asked for."""
+        if not self._served.is_set():
+            with suppress(ValueError, TypeError):
+                self._page = f"http://{self._host}:{int(json.loads(line)[1])}"
+                self._served.set()
+        elif self._hear is not None:
+            self._hear(line)
 
     @property
     def alive(self) -> bool:

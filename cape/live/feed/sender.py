@@ -4,7 +4,9 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -28,13 +30,22 @@ class Sender:
         put: how many frames have been put there.
     """
 
-    def __init__(self, url: str, *, vertices: int, bones: int) -> None:
+    def __init__(
+        self,
+        *where: str,
+        vertices: int,
+        bones: int,
+        module: str = "cape.live.feed.sending",
+        hear: Callable[[str], None] | None = None,
+    ) -> None:
         """Start the process.
 
         Args:
-            url: of the viewer, such as "rerun+http://127.0.0.1:9876/proxy".
+            where: what the module is given besides the mailbox: the URL of a viewer.
             vertices: that there is room for.
             bones: the same.
+            module: what the process runs.
+            hear: called with each line that it prints, on a thread of its own.
 
         Raises:
             UserError: the mailbox can't be made.
@@ -48,9 +59,9 @@ class Sender:
         self.put, self._setup = 0, -1
         self._seen, self._seen_at = -1, time.monotonic()
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "cape.live.feed.sending", self._folder.name, url],
+            [sys.executable, "-m", module, self._folder.name, *where],
             stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL if hear is None else subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env={**os.environ, "RUST_LOG": "off"},
             **OWN_GROUP,
@@ -59,6 +70,14 @@ class Sender:
         assert self._process.stdin is not None
         self._bell = self._process.stdin.fileno()
         os.set_blocking(self._bell, False)
+        if hear is not None:
+            threading.Thread(target=self._listen, args=(hear,), name="cape-page", daemon=True).start()
+
+    def _listen(self, hear: Callable[[str], None]) -> None:
+        lines = self._process.stdout
+        if lines is not None:
+            for line in lines:
+                hear(line.decode(errors="replace"))
 
     @property
     def process(self) -> int:

@@ -29,15 +29,17 @@ def main(folder: Path, url: str) -> int:
     os.environ["RERUN_FLUSH_TICK_SECS"] = TICK
     box = Mailbox.open(folder / "frames")
     stream: rr.RecordingStream | None = None
-    recording, shown, setup = None, None, -1
+    recording: MomentRecording | None = None
+    shown: Shown | None = None
+    setup = -1
     while True:
         frame = box.take()
         if frame is None:
             if not os.read(0, 65536):
                 return 0
             continue
-        begins = frame.setup != setup or shown is None
-        if begins:
+        begins = shown is None or frame.setup != setup
+        if shown is None or begins:
             shown, setup = read_setup(folder, frame.setup), frame.setup
         track = shown.track(frame.time, frame.bone_positions, frame.rotations_wxyz)
         if stream is None or recording is None:

@@ -54,8 +54,8 @@ class ViewerProcess:
             **OWN_GROUP,
         )  # fmt: skip
         be_nice(self._process.pid)
-        reached = LOOPBACK if ipaddress.ip_address(bind).is_unspecified else bind
-        named = f"[{reached}]" if ":" in reached else reached
+        named = address(bind)
+        reached = named.strip("[]")
         self.url = f"rerun+http://{named}:{port}/proxy"
         self.page = f"http://{named}:{page}/?url=rerun%2Bhttp%3A%2F%2F{named}%3A{port}%2Fproxy" if web else None
         until = time.monotonic() + STARTING
@@ -118,6 +118,12 @@ def is_loopback(bind: str) -> bool:
         return ipaddress.ip_address(bind).is_loopback
     except ValueError:
         raise ValueRangeError(f"--bind takes an IP address, such as {LOOPBACK} or 0.0.0.0, not {bind!r}") from None
+
+
+def address(bind: str) -> str:
+    """What to call an address in a URL, as reached from this machine."""
+    reached = LOOPBACK if ipaddress.ip_address(bind).is_unspecified else bind
+    return f"[{reached}]" if ":" in reached else reached
 
 
 def free_port(bind: str = LOOPBACK) -> int:

@@ -1,0 +1,1 @@
+"""A page on which cloth is taken in the hand."""

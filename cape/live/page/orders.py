@@ -1,0 +1,39 @@
+"""What the page asks for, as lines of JSON: the only ones that there are, each with numbers and names alone."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cape.live.live import Live
+
+
+def orders_of(live: Live) -> dict[str, Callable[..., object]]:
+    """What can be asked of a run, by name."""
+    changes = live.changes
+    return {
+        "grab": lambda vertex: changes.pin([int(vertex)]),
+        "reach": lambda vertex, x, y, z: changes.reach(int(vertex), (float(x), float(y), float(z))),
+        "let_go": lambda vertex: changes.pin([int(vertex)]),
+        "move": lambda bone, x, y, z: changes.move(str(bone), (float(x), float(y), float(z))),
+        "wind": lambda x, y, z: changes.set_wind((float(x), float(y), float(z))),
+        "fabric": lambda name: changes.set_fabric(str(name)),
+        "solver": lambda name: changes.set_solver(str(name)),
+        "substeps": lambda factor: changes.set_substeps(float(factor)),
+        "self_contact": lambda on: changes.set_self_contact(bool(on)),
+        "speed": lambda speed: live.set_speed(float(speed)),
+        "pause": lambda on: live.pause(bool(on)),
+        "tear": changes.tear,
+        "reset": changes.reset,
+    }
+
+
+def obey(live: Live, line: str) -> None:
+    """Do what a line asks for; one that makes no sense is told."""
+    try:
+        name, *values = json.loads(line)
+        orders_of(live)[name](*values)
+    except (ValueError, TypeError, KeyError):
+        live.say(f"the page asked for something unknown: {line.strip()[:60]}")
