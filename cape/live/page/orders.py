@@ -35,5 +35,5 @@ def obey(live: Live, line: str) -> None:
     try:
         name, *values = json.loads(line)
         orders_of(live)[name](*values)
-    except (ValueError, TypeError, KeyError):
+    except (ValueError, TypeError, KeyError, RecursionError):
         live.say(f"the page asked for something unknown: {line.strip()[:60]}")
