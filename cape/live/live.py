@@ -16,10 +16,10 @@ from cape.live.changes import Changes
 from cape.live.error_watch import ErrorWatch
 from cape.live.feed.screen import Screen
 from cape.live.keeping import Keeper
-from cape.live.pacing import Pacer, Step
+from cape.live.pace.pacing import Pacer, Step
+from cape.live.pace.savings import Savings
 from cape.live.page.orders import obey
 from cape.live.rig import Rig
-from cape.live.savings import Savings
 from cape.live.sources import Source, Told, ToldSource, TrackSource
 from cape.live.status import Status
 from cape.results.take import Take

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import pytest
 
-from cape.live.falling_behind import LOOKED_AT, PATIENCE, FallingBehind
-from cape.live.pacing import Pacer
+from cape.live.pace.falling_behind import LOOKED_AT, PATIENCE, FallingBehind
+from cape.live.pace.pacing import Pacer
 
 PERIOD = 1.0 / 64.0  # s, which adds up without rounding
 NEVER = threading.Event()

@@ -33,7 +33,7 @@ import motions
 import skeleton
 from cape.live.character import CharacterSource
 from cape.live.feed.viewers import LOOPBACK, free_port, program
-from cape.live.pacing import Pacer
+from cape.live.pace.pacing import Pacer
 
 CASES = ("nothing", "reads", "draws", "stopped", "killed", "recorded")
 QUICK = 0.012  # s, of a step that has no excuse to end late

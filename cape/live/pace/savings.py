@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from cape.live.changes import Changes
-from cape.live.falling_behind import FallingBehind
+from cape.live.pace.falling_behind import FallingBehind
 from cape.live.rig import Rig
 from cape.solvers import XPBD, Solver
 
