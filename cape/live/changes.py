@@ -200,7 +200,6 @@ class Changes:
         def reset() -> str | None:
             first = self._rig.first
             fabric = self._rig.scene.cloth.fabric
-            self._rig.hands.take_back()
             self._ask(replace(first, cloth=replace(first.cloth, fabric=fabric)), "put on anew", anew=True)
             return None
 
@@ -243,10 +242,13 @@ class Changes:
         if scene.tearing is not None and self._rig.scene.tearing is None:
             solver = self.solver
         self._wanted = scene
-        pose = self._rig.pose_for(scene)
+        worn = scene.cloth.frame == "wearer"
+        pose = self._rig.pose_for(scene) if anew and worn else self._rig.first_pose_for(scene)
 
         def take_over(built: Built) -> str:
             try:
+                if anew:
+                    self._rig.hands.take_back()
                 self._rig.take_over(built)
             except BaseException:
                 self._wanted = self._rig.scene

@@ -56,6 +56,7 @@ class Rig:
         self.time, self.wind = 0.0, scene.wind
         self.pins: dict[str, NDArray[np.int64]] = {}
         self._tears = 0
+        self._first_pose = self.hands.now
         self.pose_for(scene)
 
     @property
@@ -65,13 +66,21 @@ class Rig:
         now = self.hands.now
         return Pose(now.positions[:count], now.rotations_wxyz[:count])
 
-    def pose_for(self, scene: Scene) -> Pose:
-        """Where the bones are that a scene uses, in its order.
+    def first_pose_for(self, scene: Scene) -> Pose:
+        """Where the bones were at first that a scene uses: what they hold is where it was then."""
+        now, first = self.hands.now, self._first_pose
+        count = len(first.positions)
+        places = np.concatenate([first.positions, now.positions[count:]])
+        turns = np.concatenate([first.rotations_wxyz, now.rotations_wxyz[count:]])
+        return self.pose_for(scene, Pose(places, turns))
+
+    def pose_for(self, scene: Scene, pose: Pose | None = None) -> Pose:
+        """Where the bones are that a scene uses, in its order; in a pose of all of them, None for where they are now.
 
         Raises:
             UnknownNameError: one is not there.
         """
-        pose = self.hands.now
+        pose = self.hands.now if pose is None else pose
         chosen = []
         for bone in scene.bones:
             try:
@@ -144,7 +153,7 @@ class Rig:
         Args:
             scene: with another fabric, other holds, or other forces.
             solver: for it.
-            pose: of the scene's bones, about where they will be.
+            pose: of the scene's bones, as they were at first; as they are, where the cloth is put on anew.
             anew: put the cloth on and let it settle, instead of going on from where it is.
 
         Raises:
