@@ -55,7 +55,10 @@ def let_go(scene: Scene, vertices: IntArray) -> Scene | None:
 def pinned(scene: Scene, vertices: IntArray, bone: str, points: FloatArray) -> Scene:
     """The scene with vertices held in the frame of a bone, at points in it [m], shape (n, 3)."""
     held = attach(scene.cloth, bone, vertices, points=points)
-    return replace(scene, attachments=[*scene.attachments, held])
+    # Where it is while the cloth is put on matters to nothing: that takes no time, and what is pinned tells its points.
+    still = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    dressing = None if scene.dressing is None else {**scene.dressing, bone: still}
+    return replace(scene, attachments=[*scene.attachments, held], dressing=dressing)
 
 
 def tear_path(cloth: Cloth, start: int, length: int = TEAR) -> IntArray:

@@ -11,7 +11,7 @@ from cape.live.holds import let_go, pinned
 from cape.live.sources import Hands, Source
 from cape.results.topology import Topology
 from cape.run.simulation import Simulation
-from cape.run.whereabouts import Place, Snapshot
+from cape.run.whereabouts import Hold, Place, Snapshot
 from cape.scene.poses import Pose, read_pose
 from cape.scene.scene import Scene
 from cape.scene.tearing import Tearing
@@ -186,7 +186,7 @@ class Rig:
             old = self.simulation.snapshot().place
             alike = all(a is b for a, b in zip(self.scene.attachments, new.scene.attachments, strict=False))
             alike = alike and len(self.scene.attachments) == len(new.scene.attachments)
-            hold = old.hold if alike else new.snapshot().place.hold
+            hold = old.hold if alike else tuple(_undrifted(each) for each in new.snapshot().place.hold)
             pose = read_pose(self.pose_for(new.scene), new.bones).moved(-old.origin)
             new.start_from(Snapshot(new.scene, built.first_pose, Place(old.origin, pose, old.state, hold, old.time)))
         self.simulation, self.scene, self._tears = new, new.scene, 0
@@ -219,3 +219,9 @@ class Rig:
         self.hands.put(name, places.mean(axis=0))
         self.pins[name] = vertices
         return pinned(scene, vertices, name, places - places.mean(axis=0)), True
+
+
+def _undrifted(hold: Hold) -> Hold:
+    """Points that are held, where colliders have not driven them off yet."""
+    points, lift, drift = hold
+    return points, np.zeros_like(lift), np.zeros_like(drift)

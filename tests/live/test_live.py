@@ -15,6 +15,8 @@ import pytest
 from numpy.typing import NDArray
 
 import cape
+import motions
+import skeleton
 from cape.live.live import Live
 from cape.live.sources import TrackSource
 from cape.run.whereabouts import Diverged
@@ -272,3 +274,29 @@ def test_no_thread_is_left_behind():
     with live() as run:
         until(lambda: run.status.frame >= 2, run)
     assert not [thread.name for thread in threading.enumerate() if thread.name == "cape-physics"]
+
+
+def test_a_cape_that_is_worn_can_be_taken_in_the_hand():
+    """Its hem is led away from the body, and falls back when it is let go of."""
+    clip = motions.load("idle")
+    body = skeleton.Skeleton.from_clip(clip)
+    scene = cape.dress(body, body.track(clip), garment="back_cape", spacing=0.08, self_contact=False)
+    hem = int(scene.cloth.region("bottom")[len(scene.cloth.region("bottom")) // 2])
+    with Live(scene, body.track(clip), viewer="none", keep=True) as run:
+        until(lambda: run.status.frame >= 5, run)
+        run.changes.pin([hem])
+        until(lambda: "pinned" in run.status.message, run)
+        held, there = run.status.frame, run.positions[hem]
+        goal = there + np.array([-0.2, 0.0, 0.1])
+        run.changes.reach(hem, goal)
+        until(lambda: run.status.frame >= held + 30, run)
+        led = run.status.frame
+        run.changes.pin([hem])
+        until(lambda: "let go" in run.status.message, run)
+        free = run.status.frame
+        until(lambda: run.status.frame >= free + 30, run)
+    places = run.take().positions
+    np.testing.assert_allclose(places[led, hem], goal, atol=0.02)
+    assert np.linalg.norm(places[-1, hem] - places[led, hem]) > 0.03
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=-1)
+    assert steps.max() < 5.0 / FPS  # nothing leaps, as it would from holds that were elsewhere
