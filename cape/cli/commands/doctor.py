@@ -26,6 +26,8 @@ USES = {
     "film": "films of cape render as MP4",
     "retarget": "robots that follow a clip",
     "cluster": "cape batch on other machines",
+    "live": "cape live --by-hand",
+    "notebook": "take.show in Jupyter",
 }
 
 

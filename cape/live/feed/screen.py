@@ -4,6 +4,7 @@ import json
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from importlib.util import find_spec
 
 import numpy as np
 
@@ -56,6 +57,8 @@ class Screen:
         where = (viewing if self.viewer is None else self.viewer.url,)
         module = "cape.live.feed.sending"
         if viewing == "page":
+            if find_spec("viser") is None:
+                raise UserError("to take cloth in the hand needs viser: pip install 'cape[live]'")
             where, module = (bind, str(free_port(bind))), "cape.live.page.serving"
         try:
             self.sender = Sender(
@@ -66,7 +69,9 @@ class Screen:
                 hear=self._take if viewing == "page" else None,
             )
             if viewing == "page" and not self._served.wait(STARTING):
-                raise UserError("the page is not served: see what python -c 'import viser' says")
+                raise UserError(
+                    "the page is not served; python -m cape.live.page.serving /tmp {bind} 8080 tells why"
+                )
         except BaseException:
             self.close()
             raise
