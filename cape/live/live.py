@@ -31,7 +31,7 @@ from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
 
 FPS = 60.0
-SWITCH = 0.0005  # [s] after which a thread that computes in Python lets the physics on
+SWITCH = 0.0001  # [s] after which a thread that computes in Python lets the physics on
 TOLD_EACH = 6  # frames between looks at what changes slowly
 READ = 5.0  # [s] for which something that was said can be read
 Viewing = Literal["window", "web", "page", "none"] | str

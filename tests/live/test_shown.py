@@ -106,15 +106,15 @@ def test_a_viewer_that_is_closed_ends_the_run():
 
 
 @contextmanager
-def browser(page: str) -> Iterator[Callable[[], bytes]]:
-    """Chromium at a page, without a display; gives what takes pictures of it."""
+def browser(page: str) -> Iterator[Callable[..., Any]]:
+    """Chromium at a page, without a display; gives what asks it for something, by the names of its own protocol."""
     if CHROMIUM is None:
         pytest.skip("apt-get install chromium")
     connect: Any = pytest.importorskip("websockets.sync.client", reason="pip install websockets").connect
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         process = subprocess.Popen(
             [CHROMIUM, "--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-             "--window-size=600,700", "--remote-debugging-port=0", f"--user-data-dir={folder}", page],
+             "--window-size=760,560", "--remote-debugging-port=0", f"--user-data-dir={folder}", page],
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
         try:
@@ -123,19 +123,23 @@ def browser(page: str) -> Iterator[Callable[[], bytes]]:
                 time.sleep(0.1)
             port = told.read_text().split()[0]
 
-            def picture() -> bytes:
+            def ask(method: str, **parameters: Any) -> dict[str, Any]:
                 tabs = json.load(urllib.request.urlopen(f"http://{LOOPBACK}:{port}/json"))
                 url = next(tab["webSocketDebuggerUrl"] for tab in tabs if tab["type"] == "page")
                 with connect(url, max_size=None) as there:
-                    there.send(json.dumps({"id": 1, "method": "Page.captureScreenshot"}))
-                    while (answer := json.loads(there.recv(timeout=60.0))).get("id") != 1:
+                    there.send(json.dumps({"id": 1, "method": method, "params": parameters}))
+                    while (answer := json.loads(there.recv(timeout=LONG))).get("id") != 1:
                         pass
-                return base64.b64decode(answer["result"]["data"])
+                return answer["result"]
 
-            yield picture
+            yield ask
         finally:
             process.kill()
             process.wait()
+
+
+def picture_of(ask: Callable[..., Any]) -> bytes:
+    return base64.b64decode(ask("Page.captureScreenshot")["data"])
 
 
 def test_a_browser_shows_the_cape():
@@ -143,5 +147,38 @@ def test_a_browser_shows_the_cape():
     with live:
         assert live.page is not None
         assert live.page.startswith(f"http://{LOOPBACK}:")
-        with browser(live.page) as picture:
-            seen(picture, lambda shown: red(shown) > 0.02)
+        with browser(live.page) as ask:
+            seen(lambda: picture_of(ask), lambda shown: red(shown) > 0.02)
+
+
+def test_cloth_is_dragged_in_a_browser():
+    """It is taken where it is red, led to the left, and let go."""
+    pytest.importorskip("viser", reason="pip install 'cape[live]'")
+    live, _ = steered("page")
+    with live:
+        assert live.page is not None
+        with browser(live.page) as ask:
+            shown = seen(lambda: picture_of(ask), lambda shown: red(shown) > 0.01)
+            pixels = np.asarray(Image.open(BytesIO(shown)).convert("RGB")).astype(float)
+            rows, columns = np.nonzero((pixels[..., 0] > RED[0] * pixels[..., 1]) & (pixels[..., 0] > RED[1]))
+            # Right of the middle there is the panel.
+            chosen = columns < pixels.shape[1] // 2
+            x, y = int(np.median(columns[chosen])), int(np.quantile(rows[chosen], 0.7))
+            mouse = {"button": "left", "clickCount": 1}
+            ask("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, buttons=1, **mouse)
+            for k in range(1, 7):
+                ask("Input.dispatchMouseEvent", type="mouseMoved", x=x - 15 * k, y=y, buttons=1, **mouse)
+            until(live, "pinned")
+            before = live.positions.copy()
+            live.wait(2.0)
+            led = np.linalg.norm(live.positions - before, axis=1).max()
+            ask("Input.dispatchMouseEvent", type="mouseReleased", x=x - 90, y=y, buttons=0, **mouse)
+            until(live, "let go")
+    assert led > 0.05
+
+
+def until(live: Live, said: str) -> None:
+    end = time.monotonic() + LONG
+    while said not in live.status.message:
+        assert time.monotonic() < end, live.status
+        live.wait(0.05)
