@@ -69,9 +69,7 @@ class Screen:
                 hear=self._take if viewing == "page" else None,
             )
             if viewing == "page" and not self._served.wait(STARTING):
-                raise UserError(
-                    "the page is not served; python -m cape.live.page.serving /tmp {bind} 8080 tells why"
-                )
+                raise UserError("the page is not served; python -m cape.live.page.serving /tmp {bind} 8080 tells why")
         except BaseException:
             self.close()
             raise

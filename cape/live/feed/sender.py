@@ -16,7 +16,7 @@ from cape.live.feed.sending import write_setup
 from cape.record.moments import Shown
 from motions.errors import UserError
 
-NICER = 5  # by how much who draws gives way to who computes
+NICER = 5  # by how much a viewer gives way to who computes
 ENDING = 1.5  # [s] that the process has to end by itself
 FOLDER = "/dev/shm"
 OWN_GROUP: dict[str, Any] = {"process_group": 0} if os.name == "posix" else {}
@@ -66,7 +66,6 @@ class Sender:
             env={**os.environ, "RUST_LOG": "off"},
             **OWN_GROUP,
         )
-        be_nice(self._process.pid)
         assert self._process.stdin is not None
         self._bell = self._process.stdin.fileno()
         os.set_blocking(self._bell, False)

@@ -16,7 +16,7 @@ import numpy as np
 from cape.cloth.fabrics import FABRICS
 from cape.cloth.looks.registry import look_of
 from cape.live.feed.mailbox import LiveFrame, Mailbox
-from cape.live.feed.sending import read_setup
+from cape.live.feed.sending import give_way, read_setup
 from cape.live.page.objects import Mesh, mesh_of
 from cape.live.page.objects import handle as handle_mesh
 from cape.record.figure.body import BODY_COLOR, body_parts, hull_of_balls
@@ -51,6 +51,8 @@ def main(folder: Path, host: str, port: int) -> int:
             page.begin(read_setup(folder, frame.setup), frame)
         if frame.number % SHOWN_EACH == 0:
             page.show(frame)
+        if box.sent < 0:
+            give_way()
         box.sent = frame.number
 
 
