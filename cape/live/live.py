@@ -151,6 +151,9 @@ class Live:
     def look(self) -> None:
         """Look after the viewer: once it was closed, the run ends."""
         if self._end_with_viewer and self._screen is not None and not self._screen.alive:
+            viewer = self._screen.viewer
+            if self.running and viewer is not None and viewer.failure:
+                self._failed = UserError(f"the Rerun viewer has ended: {viewer.failure}")
             self.end("the viewer was closed")
 
     @property

@@ -201,3 +201,18 @@ def test_mistakes_are_told_in_a_line(tmp_path: Path):
             (["swim"], "walk"),
         ]:
             assert text in mistake_told(forks("live", *arguments, folder=tmp_path))[1]
+
+
+def test_without_a_display_it_says_so_and_how_else(tmp_path: Path):
+    """The viewer itself finds out, a moment after it has begun to listen; what was recorded by then is written."""
+    kept = {name: value for name, value in os.environ.items() if "DISPLAY" not in name}
+    done = subprocess.run(
+        [CAPE, "live", "--scene", "sheet", "--spacing", "0.1", "-o", "run.npz"],
+        cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=LONG, env=kept,
+    )  # fmt: skip
+    if not sys.platform.startswith("linux"):
+        pytest.skip("has a display in any case")
+    said, line = mistake_told(done)
+    assert "--web" in line
+    assert any("take of" in each for each in said)
+    assert len(cape.Take.load(tmp_path / "run.npz").positions) >= 1

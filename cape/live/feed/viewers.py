@@ -17,6 +17,7 @@ from motions.errors import UserError, ValueRangeError
 
 LOOPBACK = "127.0.0.1"
 STARTING, ENDING = 20.0, 3.0  # [s] to wait for it
+NO_DISPLAY = "there is no display here for a window: --web shows it in a browser, --no-viewer nowhere"
 MEMORY = "1GB"  # that a viewer keeps of what it was sent
 SERVED = "64MB"  # the same of what it hands on to browsers
 
@@ -76,6 +77,11 @@ class ViewerProcess:
         """Whether it is still there."""
         return self._process.poll() is None
 
+    @property
+    def failure(self) -> str:
+        """Why it has ended by itself, empty where it runs, or was closed."""
+        return self._said() if (self._process.poll() or 0) > 0 else ""
+
     def close(self) -> None:
         """End it, also where it is stopped."""
         if self._process.poll() is None:
@@ -90,6 +96,8 @@ class ViewerProcess:
 
     def _said(self) -> str:
         lines = Path(self._log.name).read_text(errors="replace").splitlines()
+        if any("DISPLAY" in line for line in lines):
+            return NO_DISPLAY
         telling = [line for line in lines if "rror" in line or "panicked" in line] or lines
         return telling[0].strip()[:200] if telling else "it says nothing"
 
