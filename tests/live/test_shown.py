@@ -11,6 +11,7 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from io import BytesIO
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -122,17 +123,19 @@ def browser(page: str) -> Iterator[Callable[..., Any]]:
             while not told.exists() and time.monotonic() < end:
                 time.sleep(0.1)
             port = told.read_text().split()[0]
+            tabs = json.load(urllib.request.urlopen(f"http://{LOOPBACK}:{port}/json"))
+            url = next(tab["webSocketDebuggerUrl"] for tab in tabs if tab["type"] == "page")
+            numbers = count(1)
+            with connect(url, max_size=None) as there:
 
-            def ask(method: str, **parameters: Any) -> dict[str, Any]:
-                tabs = json.load(urllib.request.urlopen(f"http://{LOOPBACK}:{port}/json"))
-                url = next(tab["webSocketDebuggerUrl"] for tab in tabs if tab["type"] == "page")
-                with connect(url, max_size=None) as there:
-                    there.send(json.dumps({"id": 1, "method": method, "params": parameters}))
-                    while (answer := json.loads(there.recv(timeout=LONG))).get("id") != 1:
+                def ask(method: str, **parameters: Any) -> dict[str, Any]:
+                    number = next(numbers)
+                    there.send(json.dumps({"id": number, "method": method, "params": parameters}))
+                    while (answer := json.loads(there.recv(timeout=LONG))).get("id") != number:
                         pass
-                return answer["result"]
+                    return answer["result"]
 
-            yield ask
+                yield ask
         finally:
             process.kill()
             process.wait()
@@ -165,9 +168,12 @@ def test_cloth_is_dragged_in_a_browser():
             chosen = columns < pixels.shape[1] // 2
             x, y = int(np.median(columns[chosen])), int(np.quantile(rows[chosen], 0.7))
             mouse = {"button": "left", "clickCount": 1}
+            ask("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+            time.sleep(1.0)  # the page looks what is under the pointer
             ask("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, buttons=1, **mouse)
             for k in range(1, 7):
-                ask("Input.dispatchMouseEvent", type="mouseMoved", x=x - 15 * k, y=y, buttons=1, **mouse)
+                time.sleep(0.1)
+                ask("Input.dispatchMouseEvent", type="mouseMoved", x=x - 15 * k, y=y, buttons=1, button="left")
             until(live, "pinned")
             before = live.positions.copy()
             live.wait(2.0)
