@@ -4,7 +4,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from cape.cli.character import Character, find_hitboxes, read_character
+from cape.cli.character import Character, read_character
 from cape.cli.reading import MOST_FPS, Reading
 from cape.cli.staging import staged
 from cape.live.character import CharacterSource
@@ -15,6 +15,7 @@ from motions import clip_names, load
 from motions.clip import Clip
 from motions.errors import UserError
 from motions.graph.one_skeleton import check_one_skeleton
+from motions.skin import Skin
 from skeleton import LinkSurface
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ class Cast:
         source: where the bones are.
         character: the same, where it can be steered.
         surfaces: what a robot looks like.
+        skin: what a character with a mesh of its own looks like; a recording draws it.
         decisions: what had to be decided, a sentence each.
     """
 
@@ -41,6 +43,7 @@ class Cast:
     source: Source
     character: CharacterSource | None = None
     surfaces: tuple[LinkSurface, ...] = ()
+    skin: Skin | None = None
     decisions: tuple[str, ...] = ()
 
 
@@ -54,30 +57,25 @@ def cast(reading: Reading, cut: "Cut", *, scene: NamedScene | None, hitboxes: st
         who = staged(reading, cut, scene=scene, hitboxes=hitboxes)
         return Cast(scene.name, who.scene, TrackSource(who.track), decisions=who.decisions)
     asked = reading.clip
-    if asked is None and reading.script is None:
+    shipped = asked in clip_names()
+    if reading.script is None and reading.skeleton is None and (asked is None or shipped):
         reading = replace(reading, clip="idle")
+    who = read_character(reading, hitboxes=hitboxes)
     if reading.skeleton is not None or reading.script is not None or reading.configuration_file is not None:
-        who = read_character(reading, hitboxes=hitboxes)
         return _cast(who, cut.scene(who), TrackSource(who.track))
     clips = _clips(reading)
-    clip = next(c for c in clips if c.name == "idle") if asked is None or asked in clip_names() else clips[0]
-    body = reading.body(clip)
-    solids = find_hitboxes(body, hitboxes or "body")
-    who = Character(
-        clip.name, body, body.track(clip), solids, decisions=(*clip.decisions, *body.decisions, *solids.decisions)
-    )
     once = tuple(c.name for c in clips if c.name in clip_names() and c.name not in GAITS)
     source: Source = TrackSource(who.track)
     with suppress(UserError):  # too short to go round, or to be left
-        source = CharacterSource(clips, body, clip.name, once=once)
-        if asked in clip_names():
+        source = CharacterSource(clips, who.body, clips[0].name, once=once)
+        if shipped and asked is not None:
             source.go(asked)
     return _cast(who, cut.scene(who), source)
 
 
 def _cast(who: Character, scene: Scene, source: Source) -> Cast:
     steered = source if isinstance(source, CharacterSource) else None
-    return Cast(who.name, scene, source, steered, who.surfaces, who.decisions)
+    return Cast(who.name, scene, source, steered, who.surfaces, who.skin, who.decisions)
 
 
 def _clips(reading: Reading) -> list[Clip]:

@@ -126,7 +126,7 @@ def _write(live: Live, keeper: Keeper, output: Path, who: Cast) -> None:
     while True:
         take = live.take(frames=frames)
         try:
-            kind = write(take, output, layers=None, surfaces=who.surfaces)
+            kind = write(take, output, layers=None, surfaces=who.surfaces, skin=who.skin)
             break
         except FileError as error:
             free = shutil.disk_usage(output.resolve().parent).free
