@@ -144,13 +144,21 @@ class BoneTrack:
         Raises:
             ValueRangeError: no frame would be left.
         """
+        return self.part(0, max(frames, 0))
+
+    def part(self, first: int, end: int) -> "BoneTrack":
+        """The track from a frame on, up to another that is no more part of it; at the times that they have.
+
+        Raises:
+            ValueRangeError: no frame would be left, or the first is negative.
+        """
+        if first < 0:
+            raise ValueRangeError(f"a part of a track begins with frame 0 or a later one, not {first}")
+        if first == 0 and end >= self.frames:
+            return self  # nothing of it ever changes
+        kept = slice(first, end)
         return BoneTrack(
-            self.names,
-            self.times[: max(frames, 0)],
-            self.positions[: max(frames, 0)],
-            self.rotations_wxyz[: max(frames, 0)],
-            self.parents,
-            self.roles,
+            self.names, self.times[kept], self.positions[kept], self.rotations_wxyz[kept], self.parents, self.roles
         )
 
     def at(self, frame: int) -> tuple[FloatArray, FloatArray]:

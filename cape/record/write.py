@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.cloth.looks.look import Color
 from cape.outfits.combined import takes_apart
 from cape.record.blueprint import layout
 from cape.record.contacts import BYTES_PER_CONTACT, log_contacts
@@ -17,7 +19,7 @@ from cape.record.figure.body import log_body
 from cape.record.figure.clasp import log_clasp
 from cape.record.figure.robot import log_robot
 from cape.record.figure.skin import log_skin
-from cape.record.file import recording_file
+from cape.record.file import RecordingFile, recording_file
 from cape.record.frames import Frames
 from cape.record.layers import check_layers, log_cape, log_plots, log_skeleton
 from cape.record.solids import drawable, log_hitboxes, log_shells
@@ -73,24 +75,24 @@ def save(
     asked = with_surfaces(check_layers(layers), surfaces)
     worn = worn_of([part for one in ([take] if isinstance(take, Take) else take) for part in takes_apart(one)])
     frames = finite_frames(worn.name, worn.bones, worn.positions)
-    size = OVERHEAD + (2 * sum(each.nbytes for each in worn.positions) if "cape" in asked else 0)
+    size = OVERHEAD + (sum(2 * each.nbytes for each in worn.positions) if "cape" in asked else 0)
     if "contacts" in asked:
         size += BYTES_PER_CONTACT * sum(len(one.contacts.points) for one in worn.takes if one.contacts is not None)
     skin = skin if "body" in asked else None
-    size += _size(skin, len(frames.numbers))
+    size += skin_size(skin, len(frames.numbers))
     height = figure_height(worn.bones, frames, surfaces if "robot" in asked else (), skin)
     linings = {
         cloth.path: None if one.cloth is not None and one.cloth.textures is not None else cloth.look.lining
         for one, cloth in zip(worn.takes, worn.cloths, strict=True)
     }
-    blueprint = layout(asked, height, worn.colliders, tab=tab, linings=linings, skinned=skin is not None)
-    # The viewer keeps a layout for each application.
-    application = " ".join(["cape"] + ([tab] if tab != "cape" else []) + (["cloths"] if len(worn.takes) > 1 else []))
-    with recording_file(path, application=application, name=worn.name, blueprint=blueprint, size=size) as stream:
+    with cloth_file(
+        path, asked, linings, name=worn.name, height=height, colliders=worn.colliders, tab=tab, size=size,
+        skinned=skin is not None,
+    ) as file:  # fmt: skip
         for one, cloth in zip(worn.takes, worn.cloths, strict=True):
-            log_cloth(stream, asked, one, cloth, frames)
+            log_cloth(file.stream, asked, one, cloth, frames)
         log_figure(
-            stream, asked, worn.bones, worn.colliders, worn.thicknesses, frames, left_out=worn.left_out,
+            file.stream, asked, worn.bones, worn.colliders, worn.thicknesses, frames, left_out=worn.left_out,
             travel=worn.travel, surfaces=surfaces, skin=skin,
         )  # fmt: skip
 
@@ -133,11 +135,47 @@ def save_hitboxes(
     thicknesses = [thickness if c.thickness is None else c.thickness for c in colliders]
     skin = skin if "body" in asked else None
     blueprint = layout(asked, figure_height(bones, frames, surfaces, skin), colliders, tab="hitboxes")
-    size = OVERHEAD + _size(skin, len(frames.numbers))
-    with recording_file(path, application="cape hitboxes", name=name, blueprint=blueprint, size=size) as stream:
+    size = OVERHEAD + skinskin_size(skin, len(frames.numbers))
+    with recording_file(path, application="cape hitboxes", name=name, blueprint=blueprint, size=size) as file:
         log_figure(
-            stream, asked, bones, colliders, thicknesses, frames, left_out=left_out, surfaces=surfaces, skin=skin
+            file.stream, asked, bones, colliders, thicknesses, frames, left_out=left_out, surfaces=surfaces, skin=skin
         )
+
+
+@contextmanager
+def cloth_file(
+    path: str | os.PathLike[str],
+    asked: Collection[str],
+    linings: Mapping[str, Color | None],
+    *,
+    name: str,
+    height: float,
+    colliders: Sequence[Collider],
+    tab: str,
+    size: int,
+    skinned: bool = False,
+) -> Iterator[RecordingFile]:
+    """A recording file of cloths, with its layout.
+
+    Args:
+        path: the recording.
+        asked: layers.
+        linings: colours of the cloths' insides by the cloths' paths, None for that of the outside.
+        name: what the viewer calls the recording.
+        height: of the figure [m].
+        colliders: as far as they are drawn.
+        tab: which is in front.
+        size: how large it will be, roughly [bytes].
+        skinned: whether a mesh that the bones move is drawn.
+
+    Raises:
+        FileError: the file can't be written.
+    """
+    blueprint = layout(asked, height, colliders, tab=tab, linings=linings, skinned=skinned)
+    # The viewer keeps a layout for each application.
+    application = " ".join(["cape"] + ([tab] if tab != "cape" else []) + (["cloths"] if len(linings) > 1 else []))
+    with recording_file(path, application=application, name=name, blueprint=blueprint, size=size) as file:
+        yield file
 
 
 def log_cloth(
@@ -206,7 +244,7 @@ def require_recorder() -> None:
     require_package("rerun", "a recording", instead="-o NAME.npz, take.keep and exports need nothing")
 
 
-def _size(skin: Skin | None, frames: int) -> int:
+def skin_size(skin: Skin | None, frames: int) -> int:
     """About how many bytes a mesh takes in so many frames: places and normals."""
     return 0 if skin is None else 24 * skin.vertices * frames
 
@@ -222,6 +260,11 @@ def finite_frames(name: str, bones: BoneTrack, positions: Sequence[np.ndarray] =
     for values in (bones.positions, bones.rotations_wxyz, *positions):
         for block in blocks(values):
             finite[block] &= np.isfinite(values[block]).all(axis=(1, 2))
+    return frames_of(name, finite, bones)
+
+
+def frames_of(name: str, finite: NDArray[np.bool_], bones: BoneTrack) -> Frames:
+    """The frames that are finite, of F; warns of the others."""
     if not finite.any():
         raise ValueRangeError(f"nothing to record: none of the {len(finite)} frames of {name!r} is finite")
     if not finite.all():
@@ -229,6 +272,6 @@ def finite_frames(name: str, bones: BoneTrack, positions: Sequence[np.ndarray] =
         warnings.warn(
             f"left {len(bad)} of {len(finite)} frames out of the recording of {name!r}: "
             f"positions aren't finite from frame {bad[0]}",
-            stacklevel=3,
+            stacklevel=4,
         )
     return Frames(np.flatnonzero(finite), bones.times[finite])

@@ -13,8 +13,9 @@ from cape.kernels.store import Request
 from cape.measure.energy import Energy, energy_of
 from cape.measure.ledger import Ledger
 from cape.measure.meter import Meter, Reading
-from cape.run.attempts import diverged, take_frame
-from cape.run.hanging import SETTLING_FRAME, Hanging
+from cape.run.attempts import SETTLING_FRAME, diverged, take_frame
+from cape.run.attempts import settle as settle_cloth
+from cape.run.hanging import Hanging
 from cape.run.tearing.simulation import MayTear, tearable
 from cape.run.tearing.tears import Tears
 from cape.run.whereabouts import Forecast, Mark, Snapshot
@@ -372,7 +373,7 @@ class Simulation(MayTear):
         self._cloth, self._first_pose = None, pose
         cloth = Hanging(self.scene, self.solver, pose, threads=self.threads)
         cloth.time = time
-        cloth.settle(settle, np.broadcast_to(moving, 3))
+        settle_cloth(cloth, settle, np.broadcast_to(moving, 3))
         cloth.set_out(np.broadcast_to(moving, 3), np.broadcast_to(turning, 3))
         if not cloth.look():
             raise diverged(cloth.own_choice(SETTLING_FRAME))
