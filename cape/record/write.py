@@ -135,7 +135,7 @@ def save_hitboxes(
     thicknesses = [thickness if c.thickness is None else c.thickness for c in colliders]
     skin = skin if "body" in asked else None
     blueprint = layout(asked, figure_height(bones, frames, surfaces, skin), colliders, tab="hitboxes")
-    size = OVERHEAD + skinskin_size(skin, len(frames.numbers))
+    size = OVERHEAD + skin_size(skin, len(frames.numbers))
     with recording_file(path, application="cape hitboxes", name=name, blueprint=blueprint, size=size) as file:
         log_figure(
             file.stream, asked, bones, colliders, thicknesses, frames, left_out=left_out, surfaces=surfaces, skin=skin

@@ -16,6 +16,7 @@ from cape.results.topology import Topology
 from cape.scene.colliders import Collider
 from cape.scene.scene import Scene
 from motions.skin import Skin
+from motions.border import checked
 from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack
@@ -46,6 +47,7 @@ class StepError:
     order: float = math.nan
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Take:
     """A simulated cloth on its bones over F frames, and how the run went.

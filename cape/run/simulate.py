@@ -25,6 +25,7 @@ from cape.scene.poses import poses_of
 from cape.scene.scene import Scene
 from cape.solvers import Solver
 from motions import quaternions
+from motions.border import checked_first
 from motions.errors import ValueRangeError
 from skeleton.track import BoneTrack
 
@@ -33,6 +34,7 @@ __all__ = ["SlowWarning", "requests_of", "simulate"]
 FloatArray = NDArray[np.float64]
 
 
+@checked_first
 def simulate(
     scene: Scene,
     track: BoneTrack,
@@ -95,6 +97,8 @@ def simulate(
         raise ValueRangeError("frames of a loop are known when its last round is: leave on_frame out of a loop")
     if fps is not None:
         track = track.resample(fps)
+        if track.frames < 2:
+            raise ValueRangeError(f"{fps:g} frames per second leave one frame of the motion: at least two are needed")
     travel = None
     if loop:
         track, travel = round_of(track)

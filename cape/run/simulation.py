@@ -1,5 +1,6 @@
 """A cloth that is being simulated: put on, settled, and stepped along with its bones."""
 
+import math
 import time
 
 import numpy as np
@@ -25,6 +26,7 @@ from cape.scene.scene import Scene
 from cape.solvers import Solver, SymplecticEuler
 from cape.solvers.threads import threads_for
 from motions import quaternions
+from motions.border import checked_first
 from motions.errors import ValueRangeError, require_whole
 
 FloatArray = NDArray[np.float64]
@@ -34,6 +36,7 @@ FORECAST_SUBSTEPS = 50
 DEFAULT_CUTS = Cuts()
 
 
+@checked_first
 class Simulation(MayTear):
     """A running cloth for one's own loop: `start` once with the first pose, then `step` for each new one.
 
@@ -144,6 +147,8 @@ class Simulation(MayTear):
             Diverged: the cloth explodes while it settles.
         """
         moving, turning = _vector(velocity, "velocity"), _vector(spin, "spin")
+        if settle is not None and not 0.0 <= settle < math.inf:
+            raise ValueRangeError(f"settle must be zero or more seconds, not {settle}")
         self.substeps = self.retried = self.refined = self.troubled = self.unconverged = self.jumps = self.renewed = 0
         self._put_on(read_pose(bones, self.bones), settle, moving, turning)
         self._open_ledger()

@@ -5,7 +5,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from motions.errors import MissingRolesError, UnknownNameError
+from motions.border import checked
+from motions.errors import MissingRolesError, UnknownNameError, ValueRangeError
 
 SIDES = ("left", "right")
 LIMBS = ("shoulder", "upper_arm", "forearm", "hand", "thigh", "shin", "foot")
@@ -47,6 +48,7 @@ class _Name:
     single_axis: bool
 
 
+@checked
 def find_roles(
     joints: Sequence[str], parents: Sequence[int], overrides: Mapping[str, str] | None = None
 ) -> dict[str, str]:
@@ -67,7 +69,10 @@ def find_roles(
 
     Raises:
         UnknownNameError: an override's role or joint doesn't exist.
+        ValueRangeError: a joint has no parent, or comes before it.
     """
+    if len(parents) != len(joints) or any(not -1 <= parent < joint for joint, parent in enumerate(parents)):
+        raise ValueRangeError(f"{len(joints)} joints need as many parents, each of them before its joint, -1 for none")
     tree = _Tree(joints, parents)
     given = {}
     for role, joint in (overrides or {}).items():
@@ -93,6 +98,7 @@ def find_roles(
     return {role: joints[found[role]] for role in ROLES if role in found}
 
 
+@checked
 def require_role(role: str, roles: Mapping[str, str], joints: Sequence[str]) -> str:
     """Name of the joint that plays `role`.
 
