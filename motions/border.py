@@ -85,7 +85,7 @@ def _mistake(
     hints = get_type_hints(owner if is_dataclass(owner) else function, None, _Known(function.__globals__))
     kept = [name for name in given.arguments if given.signature.parameters[name].kind not in VARIOUS and name in hints]
     values = given.arguments
-    wrong = [name for name in kept if not fits(values[name], hints[name])]
+    wrong = [name for name in kept if not fits(values[name], hints[name], loosely=texts)]
     if not texts:
         wrong += [name for name in kept if isinstance(values[name], str | bytes) and _is_array(hints[name])]
     if not wrong:
@@ -103,8 +103,11 @@ class _Known(dict[str, Any]):
         return next((getattr(place, name) for place in places if hasattr(place, name)), Any)
 
 
-def fits(value: Any, hint: Any) -> bool:
-    """Tell whether a value is of the kind that an annotation says; true where that can't be told."""
+def fits(value: Any, hint: Any, *, loosely: bool = False) -> bool:
+    """Tell whether a value is of the kind that an annotation says; true where that can't be told.
+
+    `loosely` takes numbers of any size, and tuples of any length.
+    """
     origin, parts = get_origin(hint), get_args(hint)
     if hint is Any or isinstance(hint, TypeVar):
         return True
@@ -113,7 +116,7 @@ def fits(value: Any, hint: Any) -> bool:
     if _is_array(hint):
         return (value is None and type(None) in parts) or _is_numbers(value, hint)
     if origin in (Union, types.UnionType):
-        return any(fits(value, part) for part in parts)
+        return any(fits(value, part, loosely=loosely) for part in parts)
     if origin is Literal:
         return any(type(value) is type(part) and value == part for part in parts)
     if hint is bool:
@@ -122,7 +125,7 @@ def fits(value: Any, hint: Any) -> bool:
         kinds = (int, np.integer) if hint is int else (int, float, np.integer, np.floating)
         if isinstance(value, bool) or not isinstance(value, kinds):
             return False
-        return bool(abs(value) < (MOST_WHOLE if isinstance(value, int) else MOST))
+        return loosely or bool(abs(value) < (MOST_WHOLE if isinstance(value, int) else MOST))
     kind = origin or hint
     if kind is Callable:
         return callable(value)
@@ -134,19 +137,20 @@ def fits(value: Any, hint: Any) -> bool:
             return False
     elif not isinstance(value, kind):
         return False
-    return _holds(value, kind, parts)
+    return _holds(value, kind, parts, loosely)
 
 
-def _holds(value: Any, kind: type, parts: Sequence[Any]) -> bool:
+def _holds(value: Any, kind: type, parts: Sequence[Any], loosely: bool) -> bool:
     """Tell whether a container's elements are of the kinds that its annotation says."""
     if not parts:
         return True
+    fit = functools.partial(fits, loosely=loosely)
     if issubclass(kind, Mapping):
-        return all(fits(k, parts[0]) and fits(v, parts[1]) for k, v in list(value.items())[:LOOKED_AT])
+        return all(fit(k, parts[0]) and fit(v, parts[1]) for k, v in list(value.items())[:LOOKED_AT])
     if issubclass(kind, tuple) and parts[-1] is not Ellipsis:
-        return len(value) == len(parts) and all(map(fits, value, parts))
+        return (loosely or len(value) == len(parts)) and all(map(fit, value, parts))
     if issubclass(kind, Sequence | set | frozenset):
-        return not isinstance(value, str | bytes) and all(fits(each, parts[0]) for each in list(value)[:LOOKED_AT])
+        return not isinstance(value, str | bytes) and all(fit(each, parts[0]) for each in list(value)[:LOOKED_AT])
     return True
 
 

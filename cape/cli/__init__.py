@@ -76,8 +76,20 @@ def _status_of(error: BaseException) -> int:
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115
         return _tell(f"can't write all that there is to tell: {error.strerror}", 1)
     if isinstance(error, typer.Abort):
+        if (cut := _cut_short(error.__cause__)) is not None:
+            return _tell(f"can't load {cut}: it is cut short, as by a full disk; remove it, it is made anew", 2)
         return INTERRUPTED
     raise error
+
+
+def _cut_short(error: BaseException | None) -> str | None:
+    """The file of Python's own compiled code that an import found not whole; None where that is not what happened."""
+    frame = error.__traceback__ if isinstance(error, EOFError) else None
+    while frame is not None:
+        if "bytecode_path" in frame.tb_frame.f_locals:
+            return str(frame.tb_frame.f_locals["bytecode_path"])
+        frame = frame.tb_next
+    return None
 
 
 def _tell(text: str, status: int) -> int:

@@ -73,7 +73,7 @@ def recording_file(
         if target.exists() and not target.is_file():
             raise FileError(f"can't write {path}: it is {'a directory' if target.is_dir() else 'no regular file'}")
         if (room := room_at(target)) < size:
-            raise FileError(f"can't write {path}: it takes about {size / 1e6:.0f} MB and {room / 1e6:.0f} MB are free")
+            raise FileError(f"can't write {path}: it takes about {size / 1e6:.3g} MB and {room / 1e6:.3g} MB are free")
         partial = begin_file(target)
     try:
         with _told(path):

@@ -216,7 +216,7 @@ class GrowingFile:
         needed = self._frame_bytes * len(part.positions) + BYTES_PER_CONTACT * contacts + OVERHEAD
         needed += self._figure_bytes * (self._cloth.sent + len(part.positions))
         if (room := self._file.room) < needed:
-            self.full = f"{room / 1e6:.0f} MB are free, too little for more than {self._cloth.sent} frames"
+            self.full = f"{room / 1e6:.3g} MB are free, too little for more than {self._cloth.sent} frames"
         else:
             self._cloth.add(part)
 

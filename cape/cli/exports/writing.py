@@ -90,4 +90,4 @@ def _exporter(path: Path) -> Callable[[Take], None]:
 def _require_room(path: Path, size: int) -> None:
     """Check, before anything is simulated, that there is room for a file of so many bytes at least."""
     if (room := room_at(path.resolve())) < size:
-        raise FileError(f"can't write {path}: it takes {size / 1e6:.0f} MB and more, and {room / 1e6:.0f} MB are free")
+        raise FileError(f"can't write {path}: it takes {size / 1e6:.2g} MB and more, and {room / 1e6:.2g} MB are free")
