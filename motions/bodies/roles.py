@@ -48,6 +48,9 @@ class _Name:
     single_axis: bool
 
 
+NAMELESS = _Name(None, None, False)
+
+
 @checked
 def find_roles(
     joints: Sequence[str], parents: Sequence[int], overrides: Mapping[str, str] | None = None
@@ -213,6 +216,9 @@ def _find_arm(tree: _Tree, names: Sequence[_Name], side: str, given: Mapping[str
     clavicle = tree.first(named("clavicle"), names)
     if upper is None:
         upper = tree.first(named("shoulder"), names)
+        between = _between(tree, upper, tree.first(named("forearm"), names))
+        if clavicle is None and len(between) == 1 and names[between[0]] == NAMELESS:
+            clavicle, upper = upper, between[0]  # its own name tells nothing, as in another language
     elif clavicle is None:
         above = tree.ancestors(upper)
         clavicle = tree.first([joint for joint in named("shoulder") if joint in above], names)
@@ -226,6 +232,13 @@ def _find_arm(tree: _Tree, names: Sequence[_Name], side: str, given: Mapping[str
     limb["hand"] = tree.first(named("hand"), names, below=forearm)
     limb |= {"shoulder": clavicle, "upper_arm": upper, "forearm": forearm}
     return {f"{side}_{role}": joint for role, joint in limb.items() if joint is not None}
+
+
+def _between(tree: _Tree, above: int | None, below: int | None) -> list[int]:
+    """The joints strictly between two of a limb, none where they are not of one limb."""
+    if above is None or below is None or above not in (way := tree.ancestors(below)):
+        return []
+    return [joint for joint in way if above in tree.ancestors(joint)]
 
 
 def _find_leg(tree: _Tree, names: Sequence[_Name], side: str, given: Mapping[str, int]) -> dict[str, int]:
