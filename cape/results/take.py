@@ -15,8 +15,8 @@ from cape.results.loop import Loop
 from cape.results.topology import Topology
 from cape.scene.colliders import Collider
 from cape.scene.scene import Scene
-from motions.skin import Skin
 from motions.border import checked
+from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack
