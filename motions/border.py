@@ -42,16 +42,17 @@ def checked_first(thing: T) -> T:
 
 
 def _checked(thing: T, *, first: bool) -> T:
-    if not isinstance(thing, type):
+    owner: Any = thing
+    if not isinstance(owner, type):
         return _told(thing, first=first)
-    plain = getattr(thing, "plain", ())  # what is compiled as it stands
-    for name, member in list(vars(thing).items()):
+    plain = getattr(owner, "plain", ())  # what is compiled as it stands
+    for name, member in list(vars(owner).items()):
         if name in plain or (name.startswith("_") and name != "__init__"):
             continue
         if isinstance(member, classmethod | staticmethod):
-            setattr(thing, name, type(member)(_told(member.__func__)))
+            setattr(owner, name, type(member)(_told(member.__func__)))
         elif isinstance(member, types.FunctionType):
-            setattr(thing, name, _told(member, first=first and name == "__init__"))
+            setattr(owner, name, _told(member, first=first and name == "__init__"))
     return thing
 
 
@@ -106,7 +107,7 @@ class _Known(dict[str, Any]):
 def fits(value: Any, hint: Any, *, loosely: bool = False) -> bool:
     """Tell whether a value is of the kind that an annotation says; true where that can't be told.
 
-    `loosely` takes numbers of any size, and tuples of any length.
+    `loosely` takes numbers of any size, and does not look into containers.
     """
     origin, parts = get_origin(hint), get_args(hint)
     if hint is Any or isinstance(hint, TypeVar):
@@ -137,20 +138,19 @@ def fits(value: Any, hint: Any, *, loosely: bool = False) -> bool:
             return False
     elif not isinstance(value, kind):
         return False
-    return _holds(value, kind, parts, loosely)
+    return loosely or _holds(value, kind, parts)
 
 
-def _holds(value: Any, kind: type, parts: Sequence[Any], loosely: bool) -> bool:
+def _holds(value: Any, kind: type, parts: Sequence[Any]) -> bool:
     """Tell whether a container's elements are of the kinds that its annotation says."""
     if not parts:
         return True
-    fit = functools.partial(fits, loosely=loosely)
     if issubclass(kind, Mapping):
-        return all(fit(k, parts[0]) and fit(v, parts[1]) for k, v in list(value.items())[:LOOKED_AT])
+        return all(fits(k, parts[0]) and fits(v, parts[1]) for k, v in list(value.items())[:LOOKED_AT])
     if issubclass(kind, tuple) and parts[-1] is not Ellipsis:
-        return (loosely or len(value) == len(parts)) and all(map(fit, value, parts))
+        return len(value) == len(parts) and all(map(fits, value, parts))
     if issubclass(kind, Sequence | set | frozenset):
-        return not isinstance(value, str | bytes) and all(fit(each, parts[0]) for each in list(value)[:LOOKED_AT])
+        return not isinstance(value, str | bytes) and all(fits(each, parts[0]) for each in list(value)[:LOOKED_AT])
     return True
 
 

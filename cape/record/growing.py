@@ -79,7 +79,7 @@ class GrowingCloth:
 
     def add(self, part: Take) -> None:
         """Send the frames of a take that begins where those before have ended."""
-        finite = np.isfinite(part.positions).all(axis=(1, 2))
+        finite = np.asarray(np.isfinite(part.positions).all(axis=(1, 2)))
         rows, begins = np.flatnonzero(finite), not any(before.any() for before in self._finite)
         if len(rows):
             frames = Frames(rows, part.bones.times[rows], begins=begins, before=self.sent)

@@ -95,13 +95,13 @@ class Shape(ABC):
                 self._require(good, f"{label} must be {size} finite numbers", array)
                 array.setflags(write=False)
                 object.__setattr__(self, label, array)
-            else:
-                value = getattr(self, label)
-                self._require(abs(value) <= LARGEST_NUMBER, f"{label.replace('_', ' ')} must be finite", value)
         for label in ("friction", "thickness"):
             value = getattr(self, label)
             self._require(value is None or 0.0 <= value <= LARGEST_NUMBER, f"{label} must be zero or more", value)
         self._check()
+        for label in (label for label, size in self.numbers.items() if not size):
+            value = getattr(self, label)
+            self._require(abs(value) <= LARGEST_NUMBER, f"{label.replace('_', ' ')} must be finite", value)
 
     plain: ClassVar[tuple[str, ...]] = ("nearest",)
     """Functions that are compiled as they stand."""
