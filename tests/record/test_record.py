@@ -658,7 +658,9 @@ def test_a_recording_cut_short_does_not_take_the_name(tmp_path: Path, monkeypatc
 
 def test_importing_cape_loads_no_viewer():
     code = "import sys, cape, cape.results.take, cape.record; print('rerun' in sys.modules)"
-    run = subprocess.run([sys.executable, "-c", code], cwd=HERE.parent, capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, "-P", "-c", code], cwd=HERE.parent, capture_output=True, text=True, check=True
+    )
     assert run.stdout == "False\n"
 
 

@@ -22,10 +22,7 @@ TRIED = (
     "tests/outfits",
 )
 """Tests of every dependency that need neither an extra nor the installed command."""
-LEFT_OUT = (
-    "--deselect=tests/record/test_record.py::test_importing_cape_loads_no_viewer",
-    "--ignore=tests/border/test_full_disk.py",
-)
+LEFT_OUT = ("--ignore=tests/border/test_full_disk.py",)
 TESTING = ("pytest", "pytest-xdist", "hypothesis")
 
 
