@@ -130,7 +130,10 @@ def _settle_frame(cloth: Hanging, motion: Motion, substeps: int) -> None:
             return
         cloth.restore(before)
         substeps = max(2 * substeps, cloth.own_choice(SETTLING_FRAME, strained=True))
-    cloth.complete(motion, SETTLING_FRAME, substeps, before)
+    if not cloth.complete(motion, SETTLING_FRAME, substeps, before)[1]:
+        cloth.restore(before)  # it rests for this frame
+        for component in cloth.state[3:]:
+            component[:] = 0.0
 
 
 def _needed_substeps(cloth: Hanging, substeps: int, dt: float) -> tuple[int, int]:
