@@ -19,6 +19,7 @@ MOST_HASTE = 8.0  # times as many steps as usual, that are taken for thin collid
 SETTLING_FRAME = 1.0 / 60.0  # s
 PUT_ON_TIME = 0.8  # s in which what bones hold moves from where it starts to where it is worn
 DRESSED_TIME = 0.5, 1.5  # s at which bones leave the pose in which the cloth is put on, and have reached the first one
+MOST_RESTED = 12  # frames of settling that explode in any steps, before it is given up
 SETTLING_TIME = 3.2  # s at most, from the start
 SETTLED_SPEED = 0.02  # m/s, root mean square over the vertices
 SETTLING_DAMPING = 0.9  # share of the velocity that is left after each frame of settling
@@ -97,6 +98,7 @@ def settle(cloth: Hanging, duration: float | None, velocity: FloatArray) -> None
         leave, arrive = leave * duration / arrive, duration
     begin, end = cloth.pose, cloth.first
     substeps = max(cloth.choose_substeps(SETTLING_FRAME), cloth.own_choice(SETTLING_FRAME))
+    rested = 0
     for frame in range(1, round(duration / SETTLING_FRAME) + 1):
         now = frame * SETTLING_FRAME
         share = min(now / PUT_ON_TIME, 1.0)
@@ -106,7 +108,9 @@ def settle(cloth: Hanging, duration: float | None, velocity: FloatArray) -> None
         share = min(max((now - leave) / (arrive - leave), 0.0), 1.0) if dressed else 1.0
         pose = begin.towards(end, share * share * (3.0 - 2.0 * share)) if share < 1.0 else end
         cloth.blow(pose, 0.0, against=velocity)
-        _settle_frame(cloth, Motion(*cloth.pose, *pose), substeps)
+        rested += _settle_frame(cloth, Motion(*cloth.pose, *pose), substeps)
+        if rested > MOST_RESTED:
+            raise diverged(substeps)
         cloth.pose = pose
         cloth.note_lift(SETTLING_FRAME)
         for component in cloth.state[3:]:
@@ -122,18 +126,23 @@ def settle(cloth: Hanging, duration: float | None, velocity: FloatArray) -> None
     wind += velocity if cloth.assembly.stream is None else 0.0
 
 
-def _settle_frame(cloth: Hanging, motion: Motion, substeps: int) -> None:
-    """Advance a frame of settling, in shorter steps while it explodes or whirls: limbs may pinch the cloth."""
+def _settle_frame(cloth: Hanging, motion: Motion, substeps: int) -> bool:
+    """Advance a frame of settling, in shorter steps while it explodes or whirls: limbs may pinch the cloth.
+
+    Tells whether the cloth had to rest for it, since it explodes in any.
+    """
     before = cloth.moment()
     for _ in range(RETRIES):
         if cloth.complete(motion, SETTLING_FRAME, substeps, before)[1] and not cloth.whirls():
-            return
+            return False
         cloth.restore(before)
         substeps = max(2 * substeps, cloth.own_choice(SETTLING_FRAME, strained=True))
-    if not cloth.complete(motion, SETTLING_FRAME, substeps, before)[1]:
-        cloth.restore(before)  # it rests for this frame
-        for component in cloth.state[3:]:
-            component[:] = 0.0
+    if cloth.complete(motion, SETTLING_FRAME, substeps, before)[1]:
+        return False
+    cloth.restore(before)
+    for component in cloth.state[3:]:
+        component[:] = 0.0
+    return True
 
 
 def _needed_substeps(cloth: Hanging, substeps: int, dt: float) -> tuple[int, int]:
