@@ -29,7 +29,7 @@ _DAMAGED = (
 
 
 def read_arrays(path: Path, *, only: Collection[str] | None = None) -> dict[str, NDArray[np.generic]]:
-    """All arrays of an NPZ file, by name; what would have to be unpickled is refused.
+    """All arrays of an NPZ file, by name; what would have to be unpickled is left out, and refused if it is all.
 
     Args:
         path: the file.
@@ -40,6 +40,7 @@ def read_arrays(path: Path, *, only: Collection[str] | None = None) -> dict[str,
             or asks for more memory than any motion needs.
     """
     data, arrays, room = read_bytes(path), {}, LARGEST_ARRAYS
+    left_out: list[str] = []
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             for member in archive.infolist():
@@ -48,6 +49,9 @@ def read_arrays(path: Path, *, only: Collection[str] | None = None) -> dict[str,
                 with archive.open(member) as file:
                     name = member.filename.removesuffix(".npy")
                     shape, kind = _head(file)
+                    if kind.kind == "O":  # such as a None that was saved along
+                        left_out.append(name)
+                        continue
                     size = math.prod(shape) * kind.itemsize
                     if kind.kind not in KINDS:
                         raise FileError(f"{path}: array {name!r} is of {kind}, not of numbers")
@@ -60,6 +64,8 @@ def read_arrays(path: Path, *, only: Collection[str] | None = None) -> dict[str,
         raise
     except _DAMAGED as error:
         raise FileError(f"{path} can't be read as NPZ: {error}") from None
+    if left_out and not arrays:
+        raise FileError(f"{path}: array {left_out[0]!r} is of object, not of numbers")
     return arrays
 
 

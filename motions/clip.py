@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from motions import quaternions
 from motions.bodies import stature
+from motions.border import checked
 from motions.errors import UnknownNameError, ValueRangeError
 from motions.kinematics import forward_kinematics
 from motions.skin import Skin
@@ -16,6 +17,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Poses:
     """Poses of a clip's J joints at N times, frames and units as in `Clip`.
@@ -31,6 +33,7 @@ class Poses:
     local_positions: FloatArray | None = None
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Clip:
     """An immutable motion of a joint tree, in metres, right-handed and Z up.

@@ -24,3 +24,5 @@ MOST_MESH_TRIANGLES = 1_000_000
 """Triangles of a mesh that is read to be remeshed, or to be drawn."""
 LARGEST_DESCRIPTION = 2**26
 """Bytes of text that describes a glTF file; its numbers lie beside it, but for a .gltf file that holds all in one."""
+LARGEST_TRACK = 2**27
+"""Poses of bones in a motion that is brought to another frame rate: of a hundred bones at 60 a second for 6 hours."""

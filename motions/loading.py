@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from motions import conventions, quaternions
 from motions.amass import reader as amass
 from motions.bodies import stature
+from motions.border import checked
 from motions.bvh import reader
 from motions.bvh.reader import Recording
 from motions.clip import Clip
@@ -25,6 +26,7 @@ _STILL = 1e-6
 """A joint whose position channels stay within this distance [m] over the clip is one that doesn't move."""
 
 
+@checked
 def load(
     path: str | PathLike[str],
     *,

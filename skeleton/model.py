@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from motions.bodies.roles import ROLES, SIDES, find_roles, require_role, require_roles
 from motions.bodies.shape import roles_by_shape
+from motions.border import checked
 from motions.clip import Clip
 from motions.conventions import to_z_up
 from motions.errors import UnknownNameError, ValueRangeError, require_package
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Skeleton:
     """A body: a tree of bones, each named after the joint that carries it.

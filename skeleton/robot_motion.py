@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from motions.border import checked
 from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class RobotMotion:
     """Configurations of a robot over F frames. Arrays are copied, checked and made read-only.

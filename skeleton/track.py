@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motions import quaternions
+from motions.border import checked
 from motions.errors import UnknownNameError, ValueRangeError
+from motions.limits import LARGEST_TRACK
 
 FloatArray = NDArray[np.float64]
 
@@ -15,6 +17,7 @@ _UNIT_TOLERANCE = 1e-6
 """How far the length of a given quaternion may be from 1: beyond single precision's rounding it is a mistake."""
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class BoneTrack:
     """World poses of B bones over F frames, right-handed and Z up.
@@ -144,13 +147,21 @@ class BoneTrack:
         Raises:
             ValueRangeError: no frame would be left.
         """
+        return self.part(0, max(frames, 0))
+
+    def part(self, first: int, end: int) -> "BoneTrack":
+        """The track from a frame on, up to another that is no more part of it; at the times that they have.
+
+        Raises:
+            ValueRangeError: no frame would be left, or the first is negative.
+        """
+        if first < 0:
+            raise ValueRangeError(f"a part of a track begins with frame 0 or a later one, not {first}")
+        if first == 0 and end >= self.frames:
+            return self  # nothing of it ever changes
+        kept = slice(first, end)
         return BoneTrack(
-            self.names,
-            self.times[: max(frames, 0)],
-            self.positions[: max(frames, 0)],
-            self.rotations_wxyz[: max(frames, 0)],
-            self.parents,
-            self.roles,
+            self.names, self.times[kept], self.positions[kept], self.rotations_wxyz[kept], self.parents, self.roles
         )
 
     def at(self, frame: int) -> tuple[FloatArray, FloatArray]:
@@ -194,11 +205,13 @@ class BoneTrack:
         """The same motion at another frame rate [1/s], from the first frame on as long as it lasts.
 
         Raises:
-            ValueRangeError: the frame rate isn't positive.
+            ValueRangeError: the frame rate isn't positive, or asks for too many frames.
         """
         if not (np.isfinite(fps) and fps > 0):
             raise ValueRangeError(f"the frame rate must be positive, got {fps}")
         duration = float(self.times[-1] - self.times[0])
+        if duration * fps * len(self.names) > LARGEST_TRACK:
+            raise ValueRangeError(f"at {fps:g} frames per second the motion has {duration * fps:.3g} frames: too many")
         # A last frame that rounding puts a hair after the end still counts.
         times = self.times[0] + np.arange(int(duration * fps + 1e-6) + 1) / fps
         return BoneTrack(self.names, times, *self.sample(times), self.parents, self.roles)

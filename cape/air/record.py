@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from motions.border import checked
 from motions.errors import FileError, ValueRangeError
 from motions.files import printable, read_bytes
 from motions.limits import LARGEST_NUMBER
@@ -15,6 +16,7 @@ FloatArray = NDArray[np.float64]
 COLUMNS = ("time", "x", "y", "z")
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class WindRecord:
     """Velocities of the air at times, straight in between, and as at the ends before and after.
@@ -49,6 +51,7 @@ class WindRecord:
         return np.array([np.interp(time, self.times, component) for component in self.velocities.T])
 
 
+@checked
 def read_wind(path: str | Path) -> WindRecord:
     """Read a record of the wind: lines of time [s] and velocity x, y, z in the world [m/s], Z up, between commas.
 

@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 from cape.air.gusts import gusts_of
 from cape.air.record import WindRecord
 from cape.air.turbulence import eddies_of
+from motions.border import checked_first
 from motions.errors import ValueRangeError
+from motions.limits import LARGEST_NUMBER
 
 FloatArray = NDArray[np.float64]
 
 AIR_DENSITY = 1.2  # kg/m3, dry air at 20 degrees Celsius and sea level
 
 
+@checked_first
 @dataclass(frozen=True, kw_only=True)
 class Wind:
     """Air, still or moving: everywhere alike unless there is turbulence, shelter or a field.
@@ -66,10 +69,10 @@ class Wind:
             ValueRangeError: a value is negative or not finite, the velocity is not three numbers, the seed is no whole
                 number, or gusts are asked for where there is no wind.
         """
-        if len(self.velocity) != 3 or not np.isfinite(self.velocity).all():
+        if len(self.velocity) != 3 or not (np.abs(self.velocity) <= LARGEST_NUMBER).all():
             raise ValueRangeError(f"wind velocity must be three finite numbers, not {self.velocity}")
         for name in ("density", "drag", "lift", "viscous", "gusts", "turbulence"):
-            if not 0.0 <= getattr(self, name) < float("inf"):
+            if not 0.0 <= getattr(self, name) <= LARGEST_NUMBER:
                 raise ValueRangeError(f"wind {name} must be zero or more and finite, not {getattr(self, name)}")
         try:
             if operator.index(self.seed) < 0:

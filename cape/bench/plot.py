@@ -7,6 +7,7 @@ from cape.bench.run import Report
 from cape.bench.sheets import OFF
 from cape.solvers import SOLVERS
 from motions.errors import UserError
+from motions.files import whole_file
 
 COLOURS = {name: kind.colour for name, kind in SOLVERS.items()} | {"scalar": "#555555", "limit": "#aaaaaa"}
 NAMES = {name: kind.title for name, kind in SOLVERS.items()} | {
@@ -47,7 +48,8 @@ def save_plot(report: Report, path: Path) -> None:
     _draw_capes(figure.add_subplot(grid[1, 1]), report)
     name = report.machine["processor"] or report.machine["architecture"]
     figure.suptitle(f"cape {report.versions['cape']} on {name}, {report.machine['cores']} cores", fontsize=13)
-    figure.savefig(path, dpi=120)
+    with whole_file(path) as partial:
+        figure.savefig(partial, dpi=120)
 
 
 def _draw_vertices(axes: Any, report: Report) -> None:

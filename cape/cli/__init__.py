@@ -9,7 +9,7 @@ from types import FrameType
 from motions.errors import PACKAGES, UserError, missing_package
 from motions.files import printable
 
-INTERRUPTED = 130  # the shells' status for what Ctrl-C has ended
+INTERRUPTED = 130  # the shells' status for what Ctrl-C has ended; of other signals it is 128 and their number
 
 
 def main() -> None:
@@ -18,9 +18,12 @@ def main() -> None:
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         interrupted.append(number)
-        signal.default_int_handler(number, frame)
+        raise KeyboardInterrupt
 
     signal.signal(signal.SIGINT, interrupt)
+    for number in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+        if signal.getsignal(number) == signal.SIG_DFL:  # nohup has it ignored
+            signal.signal(number, interrupt)
     try:
         status = _run()
     except (Exception, KeyboardInterrupt) as error:
@@ -28,7 +31,7 @@ def main() -> None:
         # failure of its own.
         status = INTERRUPTED if interrupted else _status_of(error)
     if interrupted and status == INTERRUPTED:
-        _tell("interrupted", status)
+        status = _tell("interrupted", 128 + interrupted[0])
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # nothing is left that would have to end in order
     if interrupted and _is_compiling():
         sys.stdout.flush()
@@ -73,8 +76,20 @@ def _status_of(error: BaseException) -> int:
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115
         return _tell(f"can't write all that there is to tell: {error.strerror}", 1)
     if isinstance(error, typer.Abort):
+        if (cut := _cut_short(error.__cause__)) is not None:
+            return _tell(f"can't load {cut}: it is cut short, as by a full disk; remove it, it is made anew", 2)
         return INTERRUPTED
     raise error
+
+
+def _cut_short(error: BaseException | None) -> str | None:
+    """The file of Python's own compiled code that an import found not whole; None where that is not what happened."""
+    frame = error.__traceback__ if isinstance(error, EOFError) else None
+    while frame is not None:
+        if "bytecode_path" in frame.tb_frame.f_locals:
+            return str(frame.tb_frame.f_locals["bytecode_path"])
+        frame = frame.tb_next
+    return None
 
 
 def _tell(text: str, status: int) -> int:

@@ -5,6 +5,7 @@ import signal
 import sys
 import threading
 import warnings
+from collections.abc import Callable
 from contextlib import contextmanager, suppress
 from typing import Protocol
 
@@ -13,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from cape.cli.compiling_told import telling
 from cape.cli.words import gathered
+from cape.results.so_far import SoFar
 from cape.results.take import Take
 from cape.run.auto import Auto
 from cape.run.simulate import SlowWarning, simulate
@@ -48,6 +50,7 @@ def simulated(
     cuts: Cuts | None = DEFAULT_CUTS,
     check_steps: bool = False,
     loop: bool = False,
+    on_frame: Callable[[int, SoFar], None] | None = None,
 ) -> Take:
     """Simulate, telling on standard error what was decided about the motion and how far it has got.
 
@@ -67,7 +70,7 @@ def simulated(
         try:
             return simulate(
                 scene, who.track, solver=solver, cuts=cuts, check_steps=check_steps, loop=loop, name=who.name,
-                progress=progress,
+                progress=progress, on_frame=on_frame,
             )  # fmt: skip
         except Diverged as error:
             raise ValueRangeError(f"the cape can't be put on: {error}") from error

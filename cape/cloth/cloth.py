@@ -14,7 +14,9 @@ from cape.cloth.drawn.textures import Textures
 from cape.cloth.drawn.visual import Visual
 from cape.cloth.fabric import Fabric
 from motions import quaternions
+from motions.border import checked
 from motions.errors import UnknownNameError, ValueRangeError
+from motions.limits import LARGEST_NUMBER
 from skeleton.shapes import UNIT_TOLERANCE
 
 FloatArray = NDArray[np.float64]
@@ -23,6 +25,7 @@ IntArray = NDArray[np.int64]
 Frame = Literal["world", "wearer"]
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cloth(ABC):
     """Vertices with a flat pattern; made by `Cloth.rectangle`, `Cloth.cape`, `Cloth.skirt` or `Cloth.from_mesh`.
@@ -75,7 +78,7 @@ class Cloth(ABC):
             raise ValueRangeError("the directions right and down of a rectangle must not be parallel")
         pattern = np.stack([u.ravel(), v.ravel()], axis=1)
         corner = np.asarray(origin, dtype=float)
-        if corner.shape != (3,) or not np.isfinite(corner).all():
+        if corner.shape != (3,) or not (abs(corner) <= LARGEST_NUMBER).all():
             raise ValueRangeError(f"the origin of a rectangle must be three finite numbers, not {origin}")
         return GridCloth(
             rows=rows,
@@ -238,7 +241,7 @@ class Cloth(ABC):
         if self.frame != "world":
             raise ValueRangeError("a cloth in the wearer's frame starts where the wearer is: it can't be moved")
         shift, turn = np.array(position, dtype=float), np.array(rotation_wxyz, dtype=float)
-        if shift.shape != (3,) or not np.isfinite(shift).all():
+        if shift.shape != (3,) or not (abs(shift) <= LARGEST_NUMBER).all():
             raise ValueRangeError(f"position must be 3 finite numbers, not {position}")
         if turn.shape != (4,) or not abs(np.linalg.norm(turn) - 1.0) < UNIT_TOLERANCE:
             raise ValueRangeError(f"rotation_wxyz must be a quaternion of unit length, not {rotation_wxyz}")
@@ -300,6 +303,7 @@ class Cloth(ABC):
         return indices
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GridCloth(Cloth):
     """A grid of rows x columns vertices, row after row from the top, the columns from the wearer's left to the right.
@@ -378,6 +382,7 @@ class GridCloth(Cloth):
         return _thirds(self.triangles, weights, self.vertices)
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MeshCloth(Cloth):
     """Any triangle mesh, whose threads lie along the axes of each triangle's corners: the weft first, then the warp.

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from motions.border import checked
 from motions.errors import ValueRangeError
 
 PerThread = float | tuple[float, float]
@@ -20,6 +21,7 @@ MOST = 1e15  # of any property in its unit, and one over the least: beyond it pr
 MOST_DAMPING_TIME = 10.0  # s: cloth that takes so long to give way is none
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Fabric:
     """What a cloth is made of.

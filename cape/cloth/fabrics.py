@@ -13,6 +13,7 @@ from typing import Final
 
 from cape.cloth.fabric import Fabric
 from cape.cloth.measurement import Measurement, Source, by_arcsim, by_cantilever, by_fast, by_kes
+from motions.border import checked
 from motions.errors import UnknownNameError
 
 KNIT = 0.05  # strain at which knits are as stiff as here
@@ -251,6 +252,7 @@ FABRICS: Final[dict[str, Fabric]] = {
 }
 
 
+@checked
 def fabric(name: str) -> Fabric:
     """Give the fabric of that name.
 

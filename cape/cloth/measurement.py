@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from cape.cloth import conversions
 from cape.cloth.conversions import PlaneStiffness
 from cape.cloth.fabric import Fabric, PerThread
+from motions.border import checked
 
 # Bending lengths [m] between which cloths fell in seven folds, in five, and in two, over a round plate: 1.22 cm, 1.60
 # and 1.88 cm, 2.12 cm (Matsudaira and others 2015, tables 1 and 2).
@@ -38,6 +39,7 @@ class Source:
         return f'{self.authors}{when}, "{self.title}", {self.published}' + (f", {self.via}" if self.via else "")
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Measurement:
     """A fabric as its source measured it.

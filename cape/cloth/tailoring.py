@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motions.errors import ValueRangeError
+from motions.limits import LARGEST_NUMBER
 
 FloatArray = NDArray[np.float64]
 # Cells are a little wider than high on average, so that they are not much narrower at the neckline, where the
 # narrowest ones set the largest stable step.
 WIDER_CELLS = 1.12
 MOST_CELLS = 2700  # along one side; 7 million vertices are more than any machine steps
+LEAST_SIZE = 1e-9  # m, of a cloth or its cells
 HEM = 0.024  # m, width of the sewn edge; the collar is twice as wide
 SLACK = 1.1  # length of the neckline over that of the way it is worn: room for the shoulders to move
 
@@ -25,7 +27,7 @@ def require_positive(**sizes: float) -> None:
         ValueRangeError: one is not positive, or not finite.
     """
     for name, value in sizes.items():
-        if not 0.0 < value < math.inf:
+        if not LEAST_SIZE <= value <= LARGEST_NUMBER:
             raise ValueRangeError(f"{name.replace('_', ' ')} must be positive and finite, not {value}")
 
 

@@ -2,7 +2,7 @@
 
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from os.path import splitext
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ from cape.cli.reading import Reading
 from cape.importer.arguments import parse
 from cape.importer.output import NOTES, Viewer, end_with_viewer, keep_from_text
 from cape.reach import reach_of
-from cape.results.take import Take
+from cape.results.so_far import SoFar
 from cape.run.simulate import simulate
 from cape.scene.dress import dress
 from motions.errors import UserError
@@ -90,13 +90,16 @@ def _play(reading: Reading, stream: "rr.RecordingStream", viewer: Viewer) -> Non
     viewer.open(recording.blueprint)
     viewer.flush()
 
-    def send(done: int, so_far: Callable[[], Take]) -> None:
+    run: list[SoFar] = []
+
+    def send(done: int, so_far: SoFar) -> None:
+        run[:] = [so_far]
         if done % TOGETHER == 1:
-            recording.add(so_far())
+            recording.add(done, so_far)
             viewer.flush()
 
     take = simulate(scene, who.track, name=who.name, on_frame=send)
-    recording.add(take)
+    recording.add(len(take.positions), *run)
     last = len(take.positions) - 1
     for text in take.warnings:
         viewer.note(text, level="WARN", frame=last, time=float(take.bones.times[last]))

@@ -2,8 +2,9 @@
 
 Each piece is an object file of its own, named for a digest of all that it depends on: the sources of its module and of
 those that this one imports, the kinds of its arguments, the compiler's versions, the processor. The folder is
-`NUMBA_CACHE_DIR`, or `cape` in the user's cache; where that can't be written, or others may write to it, pieces live
-in memory alone. A piece that is not whole, or not this user's, is made anew.
+`NUMBA_CACHE_DIR`, or `cape` in the user's cache; where there is none to write to, one of this user's beside temporary
+files; and where nothing can be kept, or others may write to it, pieces live in memory alone. A piece that is not whole,
+or not this user's, is made anew.
 """
 
 import contextlib
@@ -167,23 +168,32 @@ def _file_of(module: str) -> Path | None:
 
 @cache
 def folder() -> Path | None:
-    """Where pieces are kept; None where nothing can be, which is said once."""
-    named = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    """Where pieces are kept; None where nothing can be. That it is not where it should be is said once."""
+    asked = os.environ.get("NUMBA_CACHE_DIR")
+    named = asked or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     place = Path(named) / "cape"
-    if named.startswith("~"):
-        _tell_that_nothing_is_kept(place, "there is no home folder")
-        return None
+    reason = "there is no home folder" if named.startswith("~") else _why_not(place)
+    if reason is None:
+        return place
+    if not asked and hasattr(os, "getuid"):
+        instead = Path(tempfile.gettempdir(), f"cape-{os.getuid()}")
+        if not instead.is_symlink() and _why_not(instead) is None:
+            log.warning("compiled code can't be kept in %s (%s): it is kept in %s", place, reason, instead)
+            return instead
+    _tell_that_nothing_is_kept(place, reason)
+    return None
+
+
+def _why_not(place: Path) -> str | None:
+    """Why nothing can be kept in a folder, None where it can; made if it is not there."""
     try:
         place.mkdir(mode=0o700, parents=True, exist_ok=True)
         if (risk := _risk_of(place)) is not None:
-            _tell_that_nothing_is_kept(place, risk)
-            return None
+            return risk
         with tempfile.TemporaryFile(dir=place):
-            pass
+            return None
     except OSError as error:
-        _tell_that_nothing_is_kept(place, error.strerror)
-        return None
-    return place
+        return error.strerror or str(error)
 
 
 def _risk_of(place: Path) -> str | None:

@@ -66,6 +66,7 @@ from cape.kernels.state import State
 from cape.kernels.store import Request
 from cape.kernels.team import Team
 from cape.measure.energy import Energy, energy_of, kinetic_energy_of
+from motions.border import checked
 from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
@@ -75,6 +76,7 @@ ATTACHMENTS, CONTACTS, AIR, DAMPING, NUMERICAL, MOVED, LIMIT = range(7)
 TOGETHER = 16_384  # vertices times steps that are looked at in one go: so much fits the processor's cache
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Balance:
     """Energies at F times, and what was done from the first of them on, each of shape (F,) and in joules.
@@ -129,6 +131,7 @@ class Balance:
         return largest / self.exchanged if largest > 0.0 else 0.0
 
 
+@checked
 class Ledger:
     """Keeps the energy accounts of a simulation that is given it; see the module for what is counted where.
 

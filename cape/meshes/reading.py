@@ -16,6 +16,7 @@ from cape.meshes.files.obj import read_obj
 from cape.meshes.files.ply import read_ply
 from cape.meshes.remeshing import remeshed
 from cape.meshes.source import AS_IS, Source
+from motions.border import checked
 from motions.errors import FileError, UnknownNameError, UserError, ValueRangeError
 from motions.files import read_bytes
 from motions.limits import MOST_CLOTH_VERTICES, MOST_MESH_TRIANGLES
@@ -45,6 +46,7 @@ def read_source(path: str | os.PathLike[str], *, up: str | None = None) -> Sourc
     return READERS[kind](read_bytes(path), str(path), up=up or "y")
 
 
+@checked
 def read_cloth(
     path: str | os.PathLike[str],
     *,

@@ -20,6 +20,7 @@ from cape.scene.dress import beginning_of, floor_of, self_contact_of
 from cape.scene.scene import WEARER_ROLES, Scene
 from cape.scene.self_contact import SelfContact
 from motions import quaternions
+from motions.border import checked_first
 from motions.errors import ValueRangeError
 from skeleton import proportions
 from skeleton.solid_measures import signed_distance
@@ -33,6 +34,7 @@ FloatArray = NDArray[np.float64]
 SMALLEST, LARGEST = 0.02, 3.0  # of the body's height: extent of what it may wear
 
 
+@checked_first
 def wear(
     cloth: MeshCloth,
     body: "Skeleton",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import uuid
 import warnings
 from collections.abc import Iterator
@@ -11,6 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cape.record.sink import Sink, room_at
 from motions.errors import FileError
 from motions.files import begin_file
 
@@ -19,10 +19,39 @@ if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
 
+class RecordingFile:
+    """A recording that is being written, under another name yet.
+
+    Attributes:
+        stream: to send to.
+        path: whose name it is going to take.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], stream: rr.RecordingStream, sink: Sink) -> None:
+        """The recording that is to take the name `path`."""
+        self.stream, self.path = stream, path
+        self._sink = sink
+
+    @property
+    def room(self) -> int:
+        """How much more there is room for [bytes]; what was sent is on the disk then."""
+        self.stream.flush()
+        return room_at(self._sink.path, written=self._sink.written)
+
+    def check(self) -> None:
+        """Check that all that was sent so far could be written.
+
+        Raises:
+            FileError: it could not.
+        """
+        if self._sink.error is not None:
+            raise FileError(f"can't write {self.path}: {self._sink.error.strerror}")
+
+
 @contextmanager
 def recording_file(
     path: str | os.PathLike[str], *, application: str, name: str, blueprint: rrb.Blueprint, size: int
-) -> Iterator[rr.RecordingStream]:
+) -> Iterator[RecordingFile]:
     """Open a stream into a file that takes its name when the block ends, and vanishes when the block fails.
 
     The data goes to a hidden file beside `path`.
@@ -40,38 +69,46 @@ def recording_file(
     import rerun as rr
 
     target = Path(path).resolve()
-    try:
+    with _told(path):
         if target.exists() and not target.is_file():
             raise FileError(f"can't write {path}: it is {'a directory' if target.is_dir() else 'no regular file'}")
-        # Asked beforehand because a disk that fills up is only logged by Rerun's writer, and can leave it waiting.
-        # Writing a BinaryStream's bytes oneself is no way out: each read starts a new file, with a header and an index
-        # that point nowhere once they are joined, and a single read at the end holds the recording in memory.
-        free = shutil.disk_usage(target.parent).free
-        if free < size:
-            raise FileError(f"can't write {path}: it takes about {size / 1e6:.0f} MB and {free / 1e6:.0f} MB are free")
+        if (room := room_at(target)) < size:
+            raise FileError(f"can't write {path}: it takes about {size / 1e6:.3g} MB and {room / 1e6:.3g} MB are free")
         partial = begin_file(target)
-    except OSError as error:
-        raise FileError(f"can't write {path}: {error.strerror}") from error
     try:
-        stream = rr.RecordingStream(application, recording_id=uuid.uuid4())
+        with _told(path):
+            sink = Sink(partial)
         try:
-            stream.save(partial, default_blueprint=blueprint)
-            stream.send_recording_name(name)
-            yield stream
+            stream = rr.RecordingStream(application, recording_id=uuid.uuid4())
+            file = RecordingFile(path, stream, sink)
+            try:
+                sink.open(stream, blueprint)
+                stream.send_recording_name(name)
+                yield file
+            finally:
+                stream.disconnect()
         finally:
-            stream.disconnect()
+            sink.close()
+        file.check()
         _check_complete(partial, path)
-        try:
+        with _told(path):
             partial.replace(target)
-        except OSError as error:
-            raise FileError(f"can't write {path}: {error.strerror}") from error
     finally:
         with suppress(OSError):
             partial.unlink()
 
 
+@contextmanager
+def _told(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Raise FileError for what the system says against a file."""
+    try:
+        yield
+    except OSError as error:
+        raise FileError(f"can't write {path}: {error.strerror}") from error
+
+
 def _check_complete(partial: Path, path: str | os.PathLike[str]) -> None:
-    """Raise FileError for a file without its closing index: Rerun's writer thread only logs a full disk."""
+    """Raise FileError for a file without its closing index."""
     import rerun as rr
 
     with warnings.catch_warnings():
@@ -79,4 +116,4 @@ def _check_complete(partial: Path, path: str | os.PathLike[str]) -> None:
         try:
             rr.chunk.RrdReader(partial).store()
         except RuntimeError as error:
-            raise FileError(f"can't write {path}: the recording was cut short; is the disk full?") from error
+            raise FileError(f"can't write {path}: the recording was cut short") from error

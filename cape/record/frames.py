@@ -21,16 +21,16 @@ class Frames:
     """The frames to record.
 
     Attributes:
-        numbers: which frames of the motion they are, increasing, shape (F,).
+        numbers: which frames of the motion, or of the part of it that is given, they are, increasing, shape (F,).
         times: their times [s], shape (F,).
         begins: whether what holds at all times goes with them; not with frames that follow others.
-        first: number in the recording of the motion's frame 0.
+        before: frames of the motion before the part that is given.
     """
 
     numbers: NDArray[np.int64]
     times: NDArray[np.float64]
     begins: bool = True
-    first: int = 0
+    before: int = 0
 
     def blocks(self, bytes_per_frame: int) -> Iterator[slice]:
         """Cut the frames into runs that fill a chunk each."""
@@ -60,7 +60,7 @@ class Frames:
         """
         import rerun as rr
 
-        numbers = self.numbers[block] + self.first
+        numbers = self.before + self.numbers[block]
         nanoseconds = np.rint(self.times[block] * 1e9).astype("timedelta64[ns]")
         indexes = [rr.TimeColumn("frame", sequence=numbers), rr.TimeColumn("time", duration=nanoseconds)]
         batches = []

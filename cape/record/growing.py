@@ -1,21 +1,41 @@
-"""A recording that grows as a cloth is simulated: who moves is sent at once, the cloth frame by frame."""
+"""Recordings that grow as a cloth is simulated: to a viewer or into a file, the cloth frame by frame."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import os
+import warnings
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cape.cloth.cloth import Cloth
+from cape.outfits.combined import Outfit, takes_apart
 from cape.record.blueprint import layout
-from cape.record.frames import Frames
-from cape.record.layers import LAYERS
+from cape.record.contacts import BYTES_PER_CONTACT
+from cape.record.file import RecordingFile, recording_file
+from cape.record.frames import BYTES_PER_CHUNK, Frames
+from cape.record.layers import LAYERS, check_layers
 from cape.record.solids import drawable
 from cape.record.stage import figure_height
-from cape.record.worn import ClothEntity, entities_of
-from cape.record.write import finite_frames, log_cloth, log_figure, with_surfaces
+from cape.record.worn import ClothEntity, entities_of, worn_of
+from cape.record.write import (
+    OVERHEAD,
+    cloth_layout,
+    finite_frames,
+    frames_of,
+    log_cloth,
+    log_figure,
+    require_recorder,
+    skin_size,
+    with_surfaces,
+)
+from cape.results.so_far import SoFar, StopRun
 from cape.results.take import Take
 from cape.scene.scene import Scene
+from motions.errors import FileError
 from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
@@ -24,13 +44,55 @@ if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
 
+BYTES_PER_VERTEX = 24  # in each frame: place and normal
+BYTES_PER_BONE = 120  # the same of a bone or a collider, at most: in all layers
+
+
+def parts_of(name: str, cloth: Cloth) -> list[tuple[str, Cloth]]:
+    """The cloths that are drawn for one that is simulated, the outermost first, and what they are called."""
+    return [(part.name, part.cloth) for part in reversed(cloth.parts)] if isinstance(cloth, Outfit) else [(name, cloth)]
+
+
+class GrowingCloth:
+    """Sends the frames of a cloth to a stream as they come."""
+
+    def __init__(self, stream: rr.RecordingStream, asked: Collection[str], entities: Sequence[ClothEntity]) -> None:
+        """A cloth of which nothing has been sent yet.
+
+        Args:
+            stream: where to.
+            asked: layers.
+            entities: where it stands, or each of those that it is made of.
+        """
+        self._stream, self._asked, self._entities = stream, asked, entities
+        self._finite: list[NDArray[np.bool_]] = []
+
+    @property
+    def sent(self) -> int:
+        """How many frames have been gone through."""
+        return sum(map(len, self._finite))
+
+    @property
+    def finite(self) -> NDArray[np.bool_]:
+        """Which of these were sent, shape (F,): one with a position that isn't finite is left out."""
+        return np.concatenate([np.zeros(0, bool), *self._finite])
+
+    def add(self, part: Take) -> None:
+        """Send the frames of a take that begins where those before have ended."""
+        finite = np.asarray(np.isfinite(part.positions).all(axis=(1, 2)))
+        rows, begins = np.flatnonzero(finite), not any(before.any() for before in self._finite)
+        if len(rows):
+            frames = Frames(rows, part.bones.times[rows], begins=begins, before=self.sent)
+            for take, entity in zip(takes_apart(part), self._entities, strict=True):
+                log_cloth(self._stream, self._asked, take, entity, frames)
+        self._finite.append(finite)
+
 
 class GrowingRecording:
     """Sends all layers of `cape.record` to a stream.
 
     Attributes:
         blueprint: the layout that the recording opens with.
-        sent: how many frames of the cloth have been gone through.
     """
 
     def __init__(
@@ -58,30 +120,160 @@ class GrowingRecording:
         Raises:
             ValueRangeError: no frame of the motion is finite.
         """
-        self._stream, self._asked = stream, with_surfaces(LAYERS, surfaces)
-        self.sent = 0
-        self._cloth: ClothEntity | None = None
+        asked = with_surfaces(LAYERS, surfaces)
+        entities = entities_of(parts_of("cape", scene.cloth))
+        self._cloth = GrowingCloth(stream, asked, entities)
         frames = finite_frames("the motion", track)
         colliders = drawable(scene.colliders)
         height = figure_height(track, frames, surfaces, skin)
-        linings = {cloth.path: cloth.look.lining for cloth in entities_of([("cape", scene.cloth)])}
+        linings = {cloth.path: cloth.look.lining for cloth in entities}
         self.blueprint: rrb.Blueprint = layout(
-            self._asked, height, colliders, linings=linings, notes=notes, skinned=skin is not None
+            asked, height, colliders, linings=linings, notes=notes, skinned=skin is not None
         )
         thicknesses = [scene.thickness if c.thickness is None else c.thickness for c in colliders]
         log_figure(
-            stream, self._asked, track, colliders, thicknesses, frames, left_out=left_out, surfaces=surfaces, skin=skin
+            stream, asked, track, colliders, thicknesses, frames, left_out=left_out, surfaces=surfaces, skin=skin
         )
 
-    def add(self, take: Take) -> None:
-        """Send those of a take's frames that are new; one with a position that isn't finite is left out."""
-        new = np.arange(self.sent, len(take.positions))
-        numbers = new[np.isfinite(take.positions[self.sent :]).all(axis=(1, 2))]
-        self.sent = len(take.positions)
-        if not len(numbers):
+    def add(self, done: int, so_far: SoFar) -> None:
+        """Send what is new of so many frames of a run; one with a position that isn't finite is left out."""
+        if done > self._cloth.sent:
+            self._cloth.add(so_far(self._cloth.sent))
+
+
+class GrowingFile:
+    """A recording in a file, whose cloth is written while it is simulated: chunk by chunk, and who moves at the end.
+
+    Attributes:
+        full: why it ends before the run does, a sentence; None while it need not.
+    """
+
+    def __init__(
+        self,
+        file: RecordingFile,
+        cloth: GrowingCloth,
+        asked: Collection[str],
+        surfaces: Sequence[LinkSurface],
+        skin: Skin | None,
+        *,
+        frame_bytes: int,
+        figure_bytes: int,
+    ) -> None:
+        """A file in which nothing is yet.
+
+        Args:
+            file: that is open.
+            cloth: that sends there.
+            asked: layers.
+            surfaces: meshes that the bones carry.
+            skin: mesh that the bones move.
+            frame_bytes: what a frame of the cloth takes, but for its contacts.
+            figure_bytes: what a frame of all else takes, at most.
+        """
+        self._file, self._cloth, self._asked, self._surfaces, self._skin = file, cloth, asked, surfaces, skin
+        self._frame_bytes, self._figure_bytes = frame_bytes, figure_bytes
+        self._so_far: SoFar | None = None
+        self.full: str | None = None
+
+    def note(self, done: int, so_far: SoFar) -> None:
+        """Take notice of frames that are done, as the `on_frame` of `cape.simulate`.
+
+        Raises:
+            StopRun: there is no room for more.
+            FileError: the file can't be written.
+        """
+        self._so_far = so_far
+        if self._frame_bytes * (done - self._cloth.sent) >= BYTES_PER_CHUNK:
+            self._write()
+        if self.full is not None:
+            raise StopRun(self.full)
+
+    def finish(self, take: Take) -> None:
+        """Write what is left of the cloth of a run that has ended in a take, and who moves, as far as the cloth goes.
+
+        Raises:
+            ValueRangeError: no frame is finite.
+            FileError: the file can't be written, or has no room for any frame.
+        """
+        if self.full is None and len(take.positions) > self._cloth.sent:
+            self._write()
+        if not self._cloth.sent:
+            raise FileError(f"can't write {self._file.path}: {self.full}")
+        worn = worn_of([take])
+        bones = worn.bones.first(self._cloth.sent)
+        log_figure(
+            self._file.stream, self._asked, bones, worn.colliders, worn.thicknesses,
+            frames_of(take.name, self._cloth.finite, bones), left_out=worn.left_out, surfaces=self._surfaces,
+            skin=self._skin,
+        )  # fmt: skip
+
+    def _write(self) -> None:
+        self._file.check()
+        if self._so_far is None:
             return
-        begins = self._cloth is None
-        if self._cloth is None:
-            self._cloth = entities_of([(take.name, take.cloth)])[0]
-        frames = Frames(numbers, take.bones.times[numbers], begins=begins)
-        log_cloth(self._stream, self._asked, take, self._cloth, frames)
+        part = self._so_far(self._cloth.sent)
+        contacts = 0 if part.contacts is None else len(part.contacts.points)
+        needed = self._frame_bytes * len(part.positions) + BYTES_PER_CONTACT * contacts + OVERHEAD
+        needed += self._figure_bytes * (self._cloth.sent + len(part.positions))
+        if (room := self._file.room) < needed:
+            self.full = f"{room / 1e6:.3g} MB are free, too little for more than {self._cloth.sent} frames"
+        else:
+            self._cloth.add(part)
+
+
+@contextmanager
+def growing_file(
+    path: str | os.PathLike[str],
+    scene: Scene,
+    track: BoneTrack,
+    *,
+    name: str,
+    layers: Iterable[str] | None = None,
+    surfaces: Sequence[LinkSurface] = (),
+    skin: Skin | None = None,
+    tab: str = "cape",
+) -> Iterator[GrowingFile]:
+    """Open a recording of what is going to be simulated, which holds in the end what `cape.record.save` writes.
+
+    It takes its name when the block ends, and vanishes when the block fails. Not for loops, whose frames are known at
+    the end, nor for what tears, whose vertices become more.
+
+    Args:
+        path: the recording.
+        scene: what is simulated.
+        track: the motion.
+        name: of the take.
+        layers: which of `LAYERS` to write, None for all.
+        surfaces: meshes that the bones carry.
+        skin: mesh that the bones move, drawn in place of a body by proportions.
+        tab: "cape" or "hitboxes", which of the two the viewer shows first.
+
+    Raises:
+        MissingPackageError: rerun-sdk isn't installed.
+        UnknownNameError: a layer doesn't exist.
+        FileError: the file can't be written.
+    """
+    require_recorder()
+    asked = with_surfaces(check_layers(layers), surfaces)
+    skin = skin if "body" in asked else None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # told at the end, when they are in the recording
+        colliders, frames = drawable(scene.colliders), finite_frames(name, track)
+    parts = parts_of(name, scene.cloth)
+    entities = entities_of(parts)
+    linings = {
+        entity.path: None if cloth.textures is not None else entity.look.lining
+        for entity, (_, cloth) in zip(entities, parts, strict=True)
+    }
+    each = BYTES_PER_VERTEX * scene.cloth.vertices if "cape" in asked else BYTES_PER_BONE
+    application, blueprint = cloth_layout(
+        asked, linings, colliders=colliders, tab=tab, skinned=skin is not None,
+        height=figure_height(track, frames, surfaces if "robot" in asked else (), skin),
+    )  # fmt: skip
+    with recording_file(
+        path, application=application, name=" and ".join(name for name, _ in parts), blueprint=blueprint,
+        size=OVERHEAD + each * track.frames + skin_size(skin, track.frames),
+    ) as file:  # fmt: skip
+        cloth = GrowingCloth(file.stream, asked, entities)
+        figure = BYTES_PER_BONE * (len(track.names) + len(colliders)) + skin_size(skin, 1)
+        yield GrowingFile(file, cloth, asked, surfaces, skin, frame_bytes=each, figure_bytes=figure)

@@ -130,7 +130,7 @@ class MomentRecording:
         shown, stream = self._shown, self._stream
         if shown is None or not np.isfinite(positions).all():
             return
-        frames = Frames(np.zeros(1, np.int64), track.times, begins=self._begins, first=number)
+        frames = Frames(np.zeros(1, np.int64), track.times, begins=self._begins, before=number)
         cloth = entities_of([(shown.name, shown.cloth)])[0]
         take = shown.take(track, positions)
         log_cape(stream, take, frames, path=cloth.path, look=cloth.look)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.cloth.looks.look import Color
 from cape.outfits.combined import takes_apart
 from cape.record.blueprint import layout
 from cape.record.contacts import BYTES_PER_CONTACT, log_contacts
@@ -73,8 +74,8 @@ def save(
     require_recorder()
     recording = recording_of(take, layers=layers, surfaces=surfaces, skin=skin, tab=tab)
     about = {"application": recording.application, "name": recording.name, "blueprint": recording.blueprint}
-    with recording_file(path, **about, size=recording.size) as stream:
-        recording.log(stream)
+    with recording_file(path, **about, size=recording.size) as file:
+        recording.log(file.stream)
 
 
 class Recording(NamedTuple):
@@ -107,19 +108,19 @@ def recording_of(
     asked = with_surfaces(check_layers(layers), surfaces)
     worn = worn_of([part for one in ([take] if isinstance(take, Take) else take) for part in takes_apart(one)])
     frames = finite_frames(worn.name, worn.bones, worn.positions)
-    size = OVERHEAD + (2 * sum(each.nbytes for each in worn.positions) if "cape" in asked else 0)
+    size = OVERHEAD + (sum(2 * each.nbytes for each in worn.positions) if "cape" in asked else 0)
     if "contacts" in asked:
         size += BYTES_PER_CONTACT * sum(len(one.contacts.points) for one in worn.takes if one.contacts is not None)
     skin = skin if "body" in asked else None
-    size += _size(skin, len(frames.numbers))
+    size += skin_size(skin, len(frames.numbers))
     height = figure_height(worn.bones, frames, surfaces if "robot" in asked else (), skin)
     linings = {
         cloth.path: None if one.cloth is not None and one.cloth.textures is not None else cloth.look.lining
         for one, cloth in zip(worn.takes, worn.cloths, strict=True)
     }
-    blueprint = layout(asked, height, worn.colliders, tab=tab, linings=linings, skinned=skin is not None)
-    # The viewer keeps a layout for each application.
-    application = " ".join(["cape"] + ([tab] if tab != "cape" else []) + (["cloths"] if len(worn.takes) > 1 else []))
+    application, blueprint = cloth_layout(
+        asked, linings, height=height, colliders=worn.colliders, tab=tab, skinned=skin is not None
+    )
 
     def log(stream: rr.RecordingStream) -> None:
         for one, cloth in zip(worn.takes, worn.cloths, strict=True):
@@ -170,11 +171,35 @@ def save_hitboxes(
     thicknesses = [thickness if c.thickness is None else c.thickness for c in colliders]
     skin = skin if "body" in asked else None
     blueprint = layout(asked, figure_height(bones, frames, surfaces, skin), colliders, tab="hitboxes")
-    size = OVERHEAD + _size(skin, len(frames.numbers))
-    with recording_file(path, application="cape hitboxes", name=name, blueprint=blueprint, size=size) as stream:
+    size = OVERHEAD + skin_size(skin, len(frames.numbers))
+    with recording_file(path, application="cape hitboxes", name=name, blueprint=blueprint, size=size) as file:
         log_figure(
-            stream, asked, bones, colliders, thicknesses, frames, left_out=left_out, surfaces=surfaces, skin=skin
+            file.stream, asked, bones, colliders, thicknesses, frames, left_out=left_out, surfaces=surfaces, skin=skin
         )
+
+
+def cloth_layout(
+    asked: Collection[str],
+    linings: Mapping[str, Color | None],
+    *,
+    height: float,
+    colliders: Sequence[Collider],
+    tab: str,
+    skinned: bool,
+) -> tuple[str, rrb.Blueprint]:
+    """The application id and the layout of a recording of cloths.
+
+    Args:
+        asked: layers.
+        linings: colours of the cloths' insides by the cloths' paths, None for that of the outside.
+        height: of the figure [m].
+        colliders: as far as they are drawn.
+        tab: which is in front.
+        skinned: whether a mesh that the bones move is drawn.
+    """
+    # The viewer keeps a layout for each application.
+    application = " ".join(["cape"] + ([tab] if tab != "cape" else []) + (["cloths"] if len(linings) > 1 else []))
+    return application, layout(asked, height, colliders, tab=tab, linings=linings, skinned=skinned)
 
 
 def log_cloth(
@@ -243,7 +268,7 @@ def require_recorder() -> None:
     require_package("rerun", "a recording", instead="-o NAME.npz, take.keep and exports need nothing")
 
 
-def _size(skin: Skin | None, frames: int) -> int:
+def skin_size(skin: Skin | None, frames: int) -> int:
     """About how many bytes a mesh takes in so many frames: places and normals."""
     return 0 if skin is None else 24 * skin.vertices * frames
 
@@ -259,6 +284,11 @@ def finite_frames(name: str, bones: BoneTrack, positions: Sequence[np.ndarray] =
     for values in (bones.positions, bones.rotations_wxyz, *positions):
         for block in blocks(values):
             finite[block] &= np.isfinite(values[block]).all(axis=(1, 2))
+    return frames_of(name, finite, bones)
+
+
+def frames_of(name: str, finite: NDArray[np.bool_], bones: BoneTrack) -> Frames:
+    """The frames that are finite, of F; warns of the others."""
     if not finite.any():
         raise ValueRangeError(f"nothing to record: none of the {len(finite)} frames of {name!r} is finite")
     if not finite.all():
@@ -266,6 +296,6 @@ def finite_frames(name: str, bones: BoneTrack, positions: Sequence[np.ndarray] =
         warnings.warn(
             f"left {len(bad)} of {len(finite)} frames out of the recording of {name!r}: "
             f"positions aren't finite from frame {bad[0]}",
-            stacklevel=3,
+            stacklevel=4,
         )
     return Frames(np.flatnonzero(finite), bones.times[finite])

@@ -37,8 +37,8 @@ class KeptContacts:
         for kept in (self._points, self._normals, self._depths, self._colliders, self._vertices):
             kept.cut(self._starts[-1])
 
-    def all(self, frames: int) -> ContactPoints:
-        """Those of so many of the first frames."""
-        starts = np.array(self._starts[: frames + 1])
+    def all(self, frames: int, first: int = 0) -> ContactPoints:
+        """Those of so many of the first frames, or of these from one on."""
+        starts = np.array(self._starts[first : frames + 1])
         kept = (self._points, self._normals, self._depths, self._colliders, self._vertices)
-        return ContactPoints(starts, *(each.array()[: starts[-1]] for each in kept))
+        return ContactPoints(starts - starts[0], *(each.array()[starts[0] : starts[-1]] for each in kept))

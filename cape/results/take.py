@@ -15,6 +15,7 @@ from cape.results.loop import Loop
 from cape.results.topology import Topology
 from cape.scene.colliders import Collider
 from cape.scene.scene import Scene
+from motions.border import checked
 from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.shapes import Capsule
@@ -46,6 +47,7 @@ class StepError:
     order: float = math.nan
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Take:
     """A simulated cloth on its bones over F frames, and how the run went.

@@ -1,7 +1,7 @@
 """Which vertices the triangles of a cloth have, as it tears."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,13 @@ class Topology:
 def most_split(topologies: Sequence[Topology]) -> Topology:
     """The one of most vertices."""
     return max(topologies, key=lambda topology: len(topology.parents))
+
+
+def since(topologies: Sequence[Topology], first: int) -> tuple[Topology, ...]:
+    """Those of the frames from one on, which is 0 for them; of topologies in order of their frames."""
+    before = [topology for topology in topologies if topology.frame <= first][-1:]
+    later = [topology for topology in topologies if topology.frame > first]
+    return tuple(replace(topology, frame=max(topology.frame - first, 0)) for topology in [*before, *later])
 
 
 def all_vertices(positions: NDArray[np.float32], topologies: Sequence[Topology]) -> NDArray[np.float32]:

@@ -1,7 +1,10 @@
-"""How a frame is taken: once, and again in shorter steps where that did not go well."""
+"""How frames are taken, those of putting a cloth on first: once, and again in shorter steps where that went ill."""
 
 import math
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cape.kernels.bones import Motion
 from cape.run.hanging import Hanging
@@ -12,6 +15,16 @@ CONVERGENCE_RETRIES = 2  # after which a step that did not converge is kept, and
 WHIRL_RETRIES = 3  # after which one that whirls is kept
 DRAWING = 6  # times as many steps as usual, that are taken where a limit of strain is not kept
 MOST_HASTE = 8.0  # times as many steps as usual, that are taken for thin colliders that come by fast
+
+SETTLING_FRAME = 1.0 / 60.0  # s
+PUT_ON_TIME = 0.8  # s in which what bones hold moves from where it starts to where it is worn
+DRESSED_TIME = 0.5, 1.5  # s at which bones leave the pose in which the cloth is put on, and have reached the first one
+MOST_RESTED = 12  # frames of settling that explode in any steps, before it is given up
+SETTLING_TIME = 3.2  # s at most, from the start
+SETTLED_SPEED = 0.02  # m/s, root mean square over the vertices
+SETTLING_DAMPING = 0.9  # share of the velocity that is left after each frame of settling
+
+FloatArray = NDArray[np.float64]
 
 
 class Taken(NamedTuple):
@@ -66,6 +79,70 @@ def take_frame(cloth: Hanging, motion: Motion, dt: float, substeps: int, before:
             # A count between what explodes and what is stable may grow slowly enough to pass for sound.
             substeps = max(2 * substeps, cloth.own_choice(dt, strained=True))
     raise diverged(substeps)
+
+
+def settle(cloth: Hanging, duration: float | None, velocity: FloatArray) -> None:
+    """Bring a cloth to rest on bones that stand still, moving what they hold to where it is worn.
+
+    For `duration` [s], None for as long as it needs where there is anything to move; the air comes as if the bones
+    moved at `velocity` [m/s].
+    """
+    dressed = cloth.assembly.scene.dressing is not None
+    if duration is None:
+        moves = any(not np.array_equal(worn, spread) for _, worn, spread in cloth.ways)
+        duration = SETTLING_TIME if dressed or moves else 0.0
+    wind = cloth.assembly.wind  # which stays zero in a stream
+    wind -= velocity if cloth.assembly.stream is None else 0.0
+    leave, arrive = DRESSED_TIME if dressed else (0.0, PUT_ON_TIME)
+    if dressed and duration < arrive:
+        leave, arrive = leave * duration / arrive, duration
+    begin, end = cloth.pose, cloth.first
+    substeps = max(cloth.choose_substeps(SETTLING_FRAME), cloth.own_choice(SETTLING_FRAME))
+    rested = 0
+    for frame in range(1, round(duration / SETTLING_FRAME) + 1):
+        now = frame * SETTLING_FRAME
+        share = min(now / PUT_ON_TIME, 1.0)
+        share = share * share * (3.0 - 2.0 * share)
+        for attached, worn, spread in cloth.ways:
+            attached.points[:] = spread + share * (worn - spread)
+        share = min(max((now - leave) / (arrive - leave), 0.0), 1.0) if dressed else 1.0
+        pose = begin.towards(end, share * share * (3.0 - 2.0 * share)) if share < 1.0 else end
+        cloth.blow(pose, 0.0, against=velocity)
+        rested += _settle_frame(cloth, Motion(*cloth.pose, *pose), substeps)
+        if rested > MOST_RESTED:
+            raise diverged(substeps)
+        cloth.pose = pose
+        cloth.note_lift(SETTLING_FRAME)
+        for component in cloth.state[3:]:
+            component *= SETTLING_DAMPING
+        speed = np.sqrt(sum(float(np.mean(np.square(c, dtype=float))) for c in cloth.state[3:]))
+        if now > 1.5 * arrive and speed < SETTLED_SPEED:
+            break
+    for attached, worn, _ in cloth.ways:
+        attached.points[:] = worn
+    if cloth.pose is not end and dressed:
+        cloth.carry(end)  # there was no time to move
+    cloth.aim()
+    wind += velocity if cloth.assembly.stream is None else 0.0
+
+
+def _settle_frame(cloth: Hanging, motion: Motion, substeps: int) -> bool:
+    """Advance a frame of settling, in shorter steps while it explodes or whirls: limbs may pinch the cloth.
+
+    Tells whether the cloth had to rest for it, since it explodes in any.
+    """
+    before = cloth.moment()
+    for _ in range(RETRIES):
+        if cloth.complete(motion, SETTLING_FRAME, substeps, before)[1] and not cloth.whirls():
+            return False
+        cloth.restore(before)
+        substeps = max(2 * substeps, cloth.own_choice(SETTLING_FRAME, strained=True))
+    if cloth.complete(motion, SETTLING_FRAME, substeps, before)[1]:
+        return False
+    cloth.restore(before)
+    for component in cloth.state[3:]:
+        component[:] = 0.0
+    return True
 
 
 def _needed_substeps(cloth: Hanging, substeps: int, dt: float) -> tuple[int, int]:

@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape.kernels.linking import arrivals_for
-from cape.run.simulation import Simulation
+from cape.run.simulation import MOST_THREADS, Simulation
 from cape.run.whereabouts import Diverged
 from cape.scene.poses import Bones
 from cape.solvers.threads import available_cores, run
-from motions.errors import UserError, ValueRangeError
+from motions.border import checked_first
+from motions.errors import UserError, ValueRangeError, require_whole
 
 
+@checked_first
 class Batch:
     """Simulations that are started and stepped together, each with the same bits as if it were stepped alone.
 
@@ -33,8 +35,8 @@ class Batch:
         Raises:
             ValueRangeError: a simulation is listed twice, or the number of threads is not positive.
         """
-        if threads is not None and threads < 1:
-            raise ValueRangeError(f"threads must be 1 or more, not {threads}")
+        if threads is not None:
+            require_whole("threads", threads, 1, MOST_THREADS)
         if len({id(simulation) for simulation in simulations}) < len(simulations):
             raise ValueRangeError("a simulation is listed twice: each cape of a batch needs its own")
         self.simulations = tuple(simulations)

@@ -13,7 +13,7 @@ from cape.reach import Reach
 from cape.results.kept import Kept
 from cape.results.kept_contacts import KeptContacts
 from cape.results.take import StepError, Take
-from cape.results.topology import Topology, all_vertices, most_split, padded, with_room
+from cape.results.topology import Topology, all_vertices, most_split, padded, since, with_room
 from cape.run.auto import AutoSimulation
 from cape.run.simulation import Simulation
 from cape.run.step_error import ScheduledWatch, schedule
@@ -134,18 +134,18 @@ class Frames:
             reading = self._meter.read_still(places.astype(float), read_pose(pose, bones), dtype)
             self._note(places, replace(reading, kinetic_energy=energy))
 
-    def take(self, name: str, times: Times, reach: Reach | None) -> Take:
-        """All frames so far; `reach` tells what was left out."""
+    def take(self, name: str, times: Times, reach: Reach | None, first: int = 0) -> Take:
+        """All frames so far, or those from one of them on; `reach` tells what was left out."""
         simulation, scene, frames = self._simulation, self._scene, self.count
-        readings = self._readings[:frames]
+        readings, topologies = self._readings[first:frames], since(self._topologies, first)
         split = most_split(self._topologies)
         return Take(
             name=name,
-            bones=self._track.first(frames),
+            bones=self._track.part(first, frames),
             colliders=tuple(scene.colliders),
-            triangles=self._topologies[0].triangles,
+            triangles=topologies[0].triangles,
             texcoords=scene.cloth.texcoords[split.parents],
-            positions=all_vertices(self.positions, self._topologies),
+            positions=all_vertices(self.positions[first:], topologies),
             stretch_max=np.array([r.stretch for r in readings]),
             stretch_p99=self._meter.stretch_quantile(0.99),
             penetration=np.array([r.penetration for r in readings]),
@@ -159,12 +159,12 @@ class Frames:
             thickness=scene.thickness,
             held=np.flatnonzero(simulation.assembly.outwards(simulation.assembly.inverse_mass) == 0.0),
             left_out={} if reach is None else reach.left_out,
-            contacts=self._contacts.all(frames),
-            jumps=tuple(frame for frame in self._jumps if frame < frames),
-            renewed=tuple(frame for frame in self._renewed if frame < frames),
+            contacts=self._contacts.all(frames, first),
+            jumps=tuple(frame - first for frame in self._jumps if first <= frame < frames),
+            renewed=tuple(frame - first for frame in self._renewed if first <= frame < frames),
             step_errors=self.step_errors,
             cloth=scene.cloth,
-            topologies=tuple(self._topologies),
+            topologies=topologies,
             tears=simulation.tears,
             mass=(self._mass, simulation.mass),
         )

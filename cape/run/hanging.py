@@ -27,12 +27,6 @@ from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
 
-SETTLING_FRAME = 1.0 / 60.0  # s
-PUT_ON_TIME = 0.8  # s in which what bones hold moves from where it starts to where it is worn
-DRESSED_TIME = 0.5, 1.5  # s at which bones leave the pose in which the cloth is put on, and have reached the first one
-SETTLING_TIME = 3.2  # s at most, from the start
-SETTLED_SPEED = 0.02  # m/s, root mean square over the vertices
-SETTLING_DAMPING = 0.9  # share of the velocity that is left after each frame of settling
 FASTEST = 1e4  # m/s; beyond it a step has exploded, long before numbers overflow
 FARTHEST_LEAP = 1e6  # m from the cloth's own origin; the same
 FARTHEST = 1.0  # m from the cloth's middle to the origin that its positions refer to
@@ -58,6 +52,8 @@ class Hanging:
         limit: of the strain of its threads, from frame to frame.
         time: since the bones left their first pose [s].
         weather: what blows.
+        first: pose of the bones, about `origin`, in which the cloth is worn at first.
+        ways: what bones carry, and where they hold it in their frames [m] when it is worn, and as it starts.
     """
 
     def __init__(self, scene: Scene, solver: Solver, pose: Pose, *, threads: int) -> None:
@@ -68,8 +64,9 @@ class Hanging:
         """
         self._solver, self._threads = solver, threads
         first, pose = pose, putting_on.dressing_pose(scene, pose)
-        self.origin = np.round((positions := putting_on.placed(scene, pose)).mean(axis=0))
-        self.pose, self._first = pose.moved(-self.origin), first.moved(-self.origin)
+        positions = putting_on.placed(scene, pose)
+        self.origin = np.round(positions.mean(axis=0))
+        self.pose, self.first = pose.moved(-self.origin), first.moved(-self.origin)
         positions = positions - self.origin
         self.held = held = [putting_on.held_by(scene, a, self.pose, positions) for a in scene.attachments]
         require_held_once(held)
@@ -77,7 +74,7 @@ class Hanging:
         self.holding = np.unique(np.concatenate([np.empty(0, np.int64), *(a.bones for a in self.assembly.carried)]))
         self.state = State.at_rest(self.assembly.inwards(positions), solver.dtype(self.assembly))
         self._begin()
-        self._ways = [
+        self.ways = [
             (attached, *putting_on.hold_points(scene, attached, own, self.pose, positions))
             for attached, own in self.assembly.carried_with(held)
         ]
@@ -92,7 +89,7 @@ class Hanging:
         if confined is None:
             return
         animated = [(each.animated, each.animated.vertices) for each in scene.confinements]
-        self._ways.append(
+        self.ways.append(
             (confined.animated, *putting_on.hold_points(scene, confined.animated, animated, self.pose, positions))
         )
         confined.normals[:] = putting_on.normals_in_bones(scene, confined.animated, animated, self.pose, positions)
@@ -162,7 +159,7 @@ class Hanging:
         """Set out in another assembly of the same scene, or one of more vertices, at a state about the same origin."""
         self.assembly, self.state, self.weather = assembly, state, Weather(assembly)
         self._begin()
-        self._aim()
+        self.aim()
 
     def requests(self, *, keeps_journal: bool = False) -> list[Request]:
         """The code that a run needs, to be compiled together with other code."""
@@ -172,47 +169,6 @@ class Hanging:
             self._sound.request,
             self._strain.request,
         ]
-
-    def settle(self, duration: float | None, velocity: FloatArray) -> None:
-        """Bring the cloth to rest on bones that stand still, moving what they hold to where it is worn.
-
-        For `duration` [s], None for as long as it needs where there is anything to move; the air comes as if the bones
-        moved at `velocity` [m/s].
-        """
-        dressed = self.assembly.scene.dressing is not None
-        if duration is None:
-            moves = any(not np.array_equal(worn, spread) for _, worn, spread in self._ways)
-            duration = SETTLING_TIME if dressed or moves else 0.0
-        wind = self.assembly.wind  # which stays zero in a stream
-        wind -= velocity if self.assembly.stream is None else 0.0
-        leave, arrive = DRESSED_TIME if dressed else (0.0, PUT_ON_TIME)
-        if dressed and duration < arrive:
-            leave, arrive = leave * duration / arrive, duration
-        begin, end = self.pose, self._first
-        substeps = max(self.choose_substeps(SETTLING_FRAME), self.own_choice(SETTLING_FRAME))
-        for frame in range(1, round(duration / SETTLING_FRAME) + 1):
-            now = frame * SETTLING_FRAME
-            share = min(now / PUT_ON_TIME, 1.0)
-            share = share * share * (3.0 - 2.0 * share)
-            for attached, worn, spread in self._ways:
-                attached.points[:] = spread + share * (worn - spread)
-            share = min(max((now - leave) / (arrive - leave), 0.0), 1.0) if dressed else 1.0
-            pose = begin.towards(end, share * share * (3.0 - 2.0 * share)) if share < 1.0 else end
-            self.blow(pose, 0.0, against=velocity)
-            self.complete(Motion(*self.pose, *pose), SETTLING_FRAME, substeps, self.moment())
-            self.pose = pose
-            self.note_lift(SETTLING_FRAME)
-            for component in self.state[3:]:
-                component *= SETTLING_DAMPING
-            speed = np.sqrt(sum(float(np.mean(np.square(c, dtype=float))) for c in self.state[3:]))
-            if now > 1.5 * arrive and speed < SETTLED_SPEED:
-                break
-        for attached, worn, _ in self._ways:
-            attached.points[:] = worn
-        if self.pose is not end and dressed:
-            self.carry(end)  # there was no time to move
-        self._aim()
-        wind += velocity if self.assembly.stream is None else 0.0
 
     def blow(self, pose: Pose, duration: float, *, against: FloatArray | float = 0.0) -> None:
         """Have the wind blow as it does in a frame of `duration` [s] in which the bones move to a pose.
@@ -266,9 +222,9 @@ class Hanging:
         """Put it back."""
         for carried, kept in zip(self.assembly.carried, hold, strict=True):
             carried.points[:], carried.lift[:], carried.drift[:] = kept
-        self._aim()
+        self.aim()
 
-    def _aim(self) -> None:
+    def aim(self) -> None:
         """Set where springs hold vertices to where the bones are."""
         pull = self.assembly.pull
         if pull is not None:
@@ -316,7 +272,7 @@ class Hanging:
                 putting_on.lift_to(attached, pose, carried)
         self.pose = pose
         self.running.drawn.by[:] = 0.0
-        self._aim()
+        self.aim()
         self.look()
 
     def move(self, rotation: FloatArray, shift: FloatArray, pose: Pose) -> None:
@@ -326,7 +282,7 @@ class Hanging:
         """
         moved = self._turn(rotation, rotation @ self.origin + shift - self.origin)
         self.pose = pose.moved(-moved)
-        self._aim()
+        self.aim()
         self.look()
 
     def _turn(self, rotation: FloatArray, shift: FloatArray) -> FloatArray:
@@ -394,7 +350,7 @@ class Hanging:
             component -= component.dtype.type(moved)
         self.origin = self.origin + shift
         self.pose = self.pose.moved(-shift)
-        self._aim()
+        self.aim()
 
     def look(self) -> bool:
         """Tell whether no vertex is farther or faster than anything real.

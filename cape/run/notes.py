@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.results.take import Take
+from cape.run.attempts import SETTLING_FRAME, SETTLING_TIME
 from cape.run.auto import AutoSimulation
-from cape.run.hanging import SETTLING_FRAME, SETTLING_TIME
 from cape.run.simulation import Simulation
 from cape.scene.jumps import Cuts
 from cape.scene.poses import Pose

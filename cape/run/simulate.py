@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cape.kernels.store import Request
 from cape.measure.ledger import Ledger
 from cape.reach import reach_of
+from cape.results.so_far import SoFar, StopRun
 from cape.results.take import Take
 from cape.results.verdict import warnings_of
 from cape.run.auto import Auto, AutoSimulation
@@ -24,6 +25,7 @@ from cape.scene.poses import poses_of
 from cape.scene.scene import Scene
 from cape.solvers import Solver
 from motions import quaternions
+from motions.border import checked_first
 from motions.errors import ValueRangeError
 from skeleton.track import BoneTrack
 
@@ -32,6 +34,7 @@ __all__ = ["SlowWarning", "requests_of", "simulate"]
 FloatArray = NDArray[np.float64]
 
 
+@checked_first
 def simulate(
     scene: Scene,
     track: BoneTrack,
@@ -47,7 +50,7 @@ def simulate(
     loop: bool = False,
     name: str = "take",
     progress: Callable[[int, int], None] | None = None,
-    on_frame: Callable[[int, Callable[[], Take]], None] | None = None,
+    on_frame: Callable[[int, SoFar], None] | None = None,
 ) -> Take:
     """Simulate a cloth along a motion.
 
@@ -69,7 +72,7 @@ def simulate(
         name: what the take is called.
         progress: called after each frame with the number of frames done and of all.
         on_frame: called with the number of frames done, from the first one on, before any other is computed, and with
-            what gives a take of these. What it raises ends the run.
+            what gives a take of these. What it raises ends the run; `StopRun` leaves what is done.
 
     Returns:
         The take. When the cloth diverges, or the user interrupts, it ends with the last good frame and says so.
@@ -94,6 +97,8 @@ def simulate(
         raise ValueRangeError("frames of a loop are known when its last round is: leave on_frame out of a loop")
     if fps is not None:
         track = track.resample(fps)
+        if track.frames < 2:
+            raise ValueRangeError(f"{fps:g} frames per second leave one frame of the motion: at least two are needed")
     travel = None
     if loop:
         track, travel = round_of(track)
@@ -121,7 +126,7 @@ def simulate(
         if progress is not None and done > 1:
             progress(done, track.frames)
         if on_frame is not None:
-            on_frame(done, lambda: frames.take(name, times, reach))
+            on_frame(done, lambda first=0: frames.take(name, times, reach, first))
 
     try:
         tell(frames.count)
@@ -132,6 +137,8 @@ def simulate(
         result, trouble = f"diverged at frame {frames.count}", [str(error)]
     except KeyboardInterrupt:
         result = f"stopped at frame {frames.count}"
+    except StopRun as reason:
+        result, trouble = f"stopped at frame {frames.count}", [str(reason)]
 
     if looped is None:
         take = frames.take(name, times, reach)

@@ -1,5 +1,6 @@
 """A cloth that is being simulated: put on, settled, and stepped along with its bones."""
 
+import math
 import time
 
 import numpy as np
@@ -14,8 +15,9 @@ from cape.kernels.store import Request
 from cape.measure.energy import Energy, energy_of
 from cape.measure.ledger import Ledger
 from cape.measure.meter import Meter, Reading
-from cape.run.attempts import diverged, take_frame
-from cape.run.hanging import SETTLING_FRAME, Hanging
+from cape.run.attempts import SETTLING_FRAME, diverged, take_frame
+from cape.run.attempts import settle as settle_cloth
+from cape.run.hanging import Hanging
 from cape.run.tearing.simulation import MayTear, tearable
 from cape.run.tearing.tears import Tears
 from cape.run.whereabouts import Forecast, Mark, Snapshot
@@ -25,6 +27,7 @@ from cape.scene.scene import Scene
 from cape.solvers import Solver, SymplecticEuler
 from cape.solvers.threads import threads_for
 from motions import quaternions
+from motions.border import checked_first
 from motions.errors import ValueRangeError, require_whole
 
 FloatArray = NDArray[np.float64]
@@ -34,6 +37,7 @@ FORECAST_SUBSTEPS = 50
 DEFAULT_CUTS = Cuts()
 
 
+@checked_first
 class Simulation(MayTear):
     """A running cloth for one's own loop: `start` once with the first pose, then `step` for each new one.
 
@@ -144,6 +148,8 @@ class Simulation(MayTear):
             Diverged: the cloth explodes while it settles.
         """
         moving, turning = _vector(velocity, "velocity"), _vector(spin, "spin")
+        if settle is not None and not 0.0 <= settle < math.inf:
+            raise ValueRangeError(f"settle must be zero or more seconds, not {settle}")
         self.substeps = self.retried = self.refined = self.troubled = self.unconverged = self.jumps = self.renewed = 0
         self._put_on(read_pose(bones, self.bones), settle, moving, turning)
         self._open_ledger()
@@ -382,7 +388,7 @@ class Simulation(MayTear):
         self._cloth, self._first_pose = None, pose
         cloth = Hanging(self.scene, self.solver, pose, threads=self.threads)
         cloth.time = time
-        cloth.settle(settle, np.broadcast_to(moving, 3))
+        settle_cloth(cloth, settle, np.broadcast_to(moving, 3))
         cloth.set_out(np.broadcast_to(moving, 3), np.broadcast_to(turning, 3))
         if not cloth.look():
             raise diverged(cloth.own_choice(SETTLING_FRAME))

@@ -19,6 +19,7 @@ from cape.scene.scene import WEARER_ROLES, Scene
 from cape.scene.self_contact import SelfContact
 from cape.scene.stance import room_on_all_fours
 from cape.scene.tearing import Tearing
+from motions.border import checked_first
 from motions.errors import ValueRangeError
 from skeleton import proportions
 from skeleton.rest import FRAME_ROLES
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from skeleton.model import Skeleton
 
 
+@checked_first
 def dress(
     body: "Skeleton",
     track: BoneTrack,

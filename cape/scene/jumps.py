@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.scene.poses import Pose
+from motions.border import checked
 from motions.errors import UnknownNameError, ValueRangeError
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Cuts:
     """What counts as a jump of the bones rather than a motion, and what becomes of the cloth.

@@ -16,8 +16,9 @@ from cape.scene.holding.confinement import Confinement
 from cape.scene.holding.tethers import Tethers
 from cape.scene.self_contact import SelfContact
 from cape.scene.tearing import Tearing
+from motions.border import checked_first
 from motions.errors import ValueRangeError
-from motions.limits import MOST_COLLIDERS
+from motions.limits import LARGEST_NUMBER, MOST_COLLIDERS
 from skeleton.shapes import require_known
 
 FloatArray = NDArray[np.float64]
@@ -27,6 +28,7 @@ WEARER_ROLES = ("left_upper_arm", "right_upper_arm", "pelvis")
 GRAVITY = (0.0, 0.0, -9.81)  # m/s2
 
 
+@checked_first
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A cloth, what holds it, what it can't enter and what acts on it.
@@ -86,7 +88,7 @@ class Scene:
         doubled = sorted(name for name, times in Counter(c.name for c in self.colliders).items() if times > 1)
         if doubled:
             raise ValueRangeError(f"two colliders are named {doubled[0]!r}")
-        if len(self.gravity) != 3 or not np.isfinite(self.gravity).all():
+        if len(self.gravity) != 3 or not (np.abs(self.gravity) <= LARGEST_NUMBER).all():
             raise ValueRangeError(f"gravity must be three finite numbers, not {self.gravity}")
         if self.tethers is not None and not any(attachment.hard for attachment in self.attachments):
             raise ValueRangeError("tethers need vertices that are held hard")
@@ -102,7 +104,7 @@ class Scene:
             kept = " and ".join(name for name, there in keeping.items() if there)
             raise ValueRangeError(f"a cloth that tears must bear its own load: leave out {kept}, or the tearing")
         for name in ("friction", "thickness"):
-            if not 0.0 <= getattr(self, name) < float("inf"):
+            if not 0.0 <= getattr(self, name) <= LARGEST_NUMBER:
                 raise ValueRangeError(f"{name} must be zero or more and finite, not {getattr(self, name)}")
 
     @cached_property

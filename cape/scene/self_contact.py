@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from motions.border import checked_first
 from motions.errors import ValueRangeError
 
 
+@checked_first
 @dataclass(frozen=True, kw_only=True)
 class SelfContact:
     """Layers of a cloth stay a thickness apart, and rub.

@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from motions.border import checked
 from motions.errors import ValueRangeError
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Tearing:
     """A cloth parts where its threads are drawn too far, or where it bears too much.

@@ -4,6 +4,7 @@ from cape.solvers.base import Solver
 from cape.solvers.euler import SymplecticEuler
 from cape.solvers.implicit import TRBDF2, BackwardEuler
 from cape.solvers.xpbd import XPBD
+from motions.border import checked
 from motions.errors import UnknownNameError
 
 SOLVERS: dict[str, type[Solver]] = {
@@ -14,6 +15,7 @@ SOLVERS: dict[str, type[Solver]] = {
 }
 
 
+@checked
 def solver(name: str, *, substeps: int | None = None) -> Solver:
     """Give the solver of that name with its defaults, or with a number of substeps per frame.
 

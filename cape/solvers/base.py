@@ -18,13 +18,16 @@ from cape.kernels.team import Team, span
 from cape.solvers import threads as teams
 from cape.solvers.order import Order
 from cape.solvers.running import Running, Thread
+from motions.border import checked
 from motions.errors import ValueRangeError, require_whole
 
 Precision = Literal["single", "double"]
 
+MOST_ITERATIONS = 1_000_000  # of any kind in a step
 MOST_SUBSTEPS = 1_000_000  # in a frame, asked for or chosen, which then takes half a minute for a small cloth
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Solver(ABC):
     """How a cloth is advanced by one frame; holds settings alone, never the state of a run.

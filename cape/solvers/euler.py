@@ -20,6 +20,7 @@ from cape.kernels.state import Inertia
 from cape.solvers.base import Precision, Solver
 from cape.solvers.order import Order, begin_frame, blow, end_substep, forces, move_bones, wait
 from cape.solvers.running import Running, Thread
+from motions.border import checked
 from motions.errors import ValueRangeError
 
 # A step adds dt v to a position. Below some 2000 steps in a frame of a 60th of a second that is, at 1 m/s, more than a
@@ -42,6 +43,7 @@ class EulerArrays(NamedTuple):
     strained_step: float
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class SymplecticEuler(Solver):
     """Explicit mass-spring dynamics, first order in time, without numerical damping.

@@ -52,12 +52,13 @@ from cape.kernels.linking import Linker
 from cape.kernels.program import Use
 from cape.kernels.self_contact.self_contact import PressedAcceleration, PressedForces, add_held, add_pressure
 from cape.kernels.state import Inertia
-from cape.solvers.base import Precision, Solver
+from cape.solvers.base import MOST_ITERATIONS, Precision, Solver
 from cape.solvers.matrix import Layout, link_blocks, matrix_of, matrix_units
 from cape.solvers.multigrid import Levels, levels_of, multigrid
 from cape.solvers.order import Order, aim_springs, begin_frame, blow, end_substep, forces
 from cape.solvers.running import Running, Thread
-from motions.errors import ValueRangeError
+from motions.border import checked
+from motions.errors import ValueRangeError, require_whole
 
 SUBSTEPS = 8  # per frame at 60 Hz, where none are asked for
 PRESSED = 0.1  # of the thickness
@@ -133,8 +134,7 @@ class ImplicitSolver(Solver):
         if not 0.0 < self.forcing < 1.0:
             raise ValueRangeError(f"forcing must be above 0 and below 1, not {self.forcing}")
         for name in ("iterations", "linear_iterations"):
-            if getattr(self, name) < 1:
-                raise ValueRangeError(f"{name} must be 1 or more, not {getattr(self, name)}")
+            require_whole(name, getattr(self, name), 1, MOST_ITERATIONS)
 
     def arrays(self, assembly: Assembly) -> ImplicitArrays:
         """Lay out the matrix and the room for its products."""
@@ -305,6 +305,7 @@ class ImplicitSolver(Solver):
         return end_substep(thread, linker, pressing=False, earlier=earlier, share=GUARD, force=force)
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class BackwardEuler(ImplicitSolver):
     """Backward Euler: first order, L-stable, damps whatever is faster than its steps and some of what is slower."""
@@ -329,6 +330,7 @@ class BackwardEuler(ImplicitSolver):
         ]
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class TRBDF2(ImplicitSolver):
     """TR-BDF2: second order and L-stable, of two stages a step (Bank et al. 1985; Hosea and Shampine 1996).

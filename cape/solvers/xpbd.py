@@ -31,11 +31,12 @@ from cape.kernels.xpbd.membrane import MembraneConstraints
 from cape.kernels.xpbd.mesh import MeshConstraints, MeshSweeps, SpringConstraints, prepare_mesh, solve_mesh
 from cape.kernels.xpbd.packed import LANES, NEXT, SIDE
 from cape.kernels.xpbd.xpbd import Blown, Falling, blow_all, drift_all, fall_all
-from cape.solvers.base import Precision, Solver
+from cape.solvers.base import MOST_ITERATIONS, Precision, Solver
 from cape.solvers.euler import SymplecticEuler
 from cape.solvers.order import Order, begin_frame, blow, end_substep, forces, move_bones, wait
 from cape.solvers.running import Running, Thread
-from motions.errors import ValueRangeError
+from motions.border import checked
+from motions.errors import require_whole
 
 Array = NDArray[np.floating]
 
@@ -59,6 +60,7 @@ class XpbdArrays(NamedTuple):
     longest_step: float
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class XPBD(Solver):
     """Macklin, Mueller, Chentanez 2016 with the small steps of Macklin et al. 2019.
@@ -89,8 +91,7 @@ class XPBD(Solver):
             ValueRangeError: a setting is out of range.
         """
         super().__post_init__()
-        if self.iterations < 1:
-            raise ValueRangeError(f"iterations must be 1 or more, not {self.iterations}")
+        require_whole("iterations", self.iterations, 1, MOST_ITERATIONS)
 
     def arrays(self, assembly: Assembly) -> XpbdArrays:
         """Turn springs into constraints: by family on a grid, by colour on a mesh."""

@@ -5,7 +5,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from motions.errors import MissingRolesError, UnknownNameError
+from motions.border import checked
+from motions.errors import MissingRolesError, UnknownNameError, ValueRangeError
 
 SIDES = ("left", "right")
 LIMBS = ("shoulder", "upper_arm", "forearm", "hand", "thigh", "shin", "foot")
@@ -47,6 +48,10 @@ class _Name:
     single_axis: bool
 
 
+NAMELESS = _Name(None, None, False)
+
+
+@checked
 def find_roles(
     joints: Sequence[str], parents: Sequence[int], overrides: Mapping[str, str] | None = None
 ) -> dict[str, str]:
@@ -67,7 +72,10 @@ def find_roles(
 
     Raises:
         UnknownNameError: an override's role or joint doesn't exist.
+        ValueRangeError: a joint has no parent, or comes before it.
     """
+    if len(parents) != len(joints) or any(not -1 <= parent < joint for joint, parent in enumerate(parents)):
+        raise ValueRangeError(f"{len(joints)} joints need as many parents, each of them before its joint, -1 for none")
     tree = _Tree(joints, parents)
     given = {}
     for role, joint in (overrides or {}).items():
@@ -93,6 +101,7 @@ def find_roles(
     return {role: joints[found[role]] for role in ROLES if role in found}
 
 
+@checked
 def require_role(role: str, roles: Mapping[str, str], joints: Sequence[str]) -> str:
     """Name of the joint that plays `role`.
 
@@ -207,6 +216,9 @@ def _find_arm(tree: _Tree, names: Sequence[_Name], side: str, given: Mapping[str
     clavicle = tree.first(named("clavicle"), names)
     if upper is None:
         upper = tree.first(named("shoulder"), names)
+        between = _between(tree, upper, tree.first(named("forearm"), names))
+        if clavicle is None and len(between) == 1 and names[between[0]] == NAMELESS:
+            clavicle, upper = upper, between[0]  # its own name tells nothing, as in another language
     elif clavicle is None:
         above = tree.ancestors(upper)
         clavicle = tree.first([joint for joint in named("shoulder") if joint in above], names)
@@ -220,6 +232,13 @@ def _find_arm(tree: _Tree, names: Sequence[_Name], side: str, given: Mapping[str
     limb["hand"] = tree.first(named("hand"), names, below=forearm)
     limb |= {"shoulder": clavicle, "upper_arm": upper, "forearm": forearm}
     return {f"{side}_{role}": joint for role, joint in limb.items() if joint is not None}
+
+
+def _between(tree: _Tree, above: int | None, below: int | None) -> list[int]:
+    """The joints strictly between two of a limb, none where they are not of one limb."""
+    if above is None or below is None or above not in (way := tree.ancestors(below)):
+        return []
+    return [joint for joint in way if above in tree.ancestors(joint)]
 
 
 def _find_leg(tree: _Tree, names: Sequence[_Name], side: str, given: Mapping[str, int]) -> dict[str, int]:

@@ -14,6 +14,7 @@ CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zr
 
 _CHANNEL = {name.lower(): name for name in CHANNELS}
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_SIGN_INSIDE = re.compile(r"(?<=[\d.])[+-]", re.ASCII)
 
 
 @dataclass
@@ -69,6 +70,8 @@ def why_no_number(word: str) -> str:
         return f"{shown(word)} has a decimal comma; BVH needs a point"
     if _NUMBER.fullmatch(word):
         return f"{shown(word)} is too large to be meant"
+    if _SIGN_INSIDE.search(word) and all(map(_NUMBER.fullmatch, _SIGN_INSIDE.sub(" ", word).split())):
+        return f"{shown(word)} is several numbers in one: a space is missing"
     return f"{shown(word)} is not a finite number"
 
 

@@ -1,5 +1,6 @@
 """The bytes of a text file, and errors that name their line."""
 
+import codecs
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +30,8 @@ class Source:
         data = read_bytes(path)
         if not data.strip():
             raise FileError(f"{path} is empty")
+        if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):  # what some editors call Unicode
+            data = data.decode("utf-16", errors="replace").encode("utf-8", errors="replace")
         if b"\0" in data:
             raise FileError(f"{path} is not a BVH file: it holds binary data")
         data = data.removeprefix(b"\xef\xbb\xbf")

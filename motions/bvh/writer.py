@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import conventions, quaternions
+from motions.border import checked
 from motions.clip import Clip
 from motions.errors import UnknownNameError, ValueRangeError
 from motions.files import write_text
@@ -18,6 +19,7 @@ FloatArray = NDArray[np.float64]
 _ORDERS = ("xyz", "xzy", "yxz", "yzx", "zxy", "zyx")
 
 
+@checked
 def save(
     clip: Clip,
     path: str | PathLike[str],

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from motions.border import checked
 from motions.clip import Clip
 from motions.errors import UnknownNameError, UserError, ValueRangeError
 from motions.graph.alignment import window_distances
@@ -38,6 +39,7 @@ REACHES = (2, 4, 8, 16)
 MOST_NAMED = 8  # parts of a script that the name of the clip tells
 
 
+@checked
 @dataclass(frozen=True)
 class Transition:
     """A place where one clip can pass into another.
@@ -120,6 +122,7 @@ _Spans = Callable[[int, int], tuple[_Span, _Span]]
 """Where a clip may be left and the next entered, given the number of frames in which they are blended and the reach."""
 
 
+@checked
 class MotionGraph:
     """Clips of one skeleton, and the transitions between them.
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from motions.border import checked, checked_first
 from motions.errors import UserError, ValueRangeError
 
 LONGEST = 3600.0
@@ -18,6 +19,7 @@ _NAME_AND_TIME = re.compile(rf"(?P<name>.*?)((\s+|\A)(?P<time>[+-]?{_NUMBER}(\w*
 _PART = re.compile(r'\s*("(?P<quoted>([^"]|"")*)"(?P<after>[^",]*)|(?P<plain>[^",]*))(?P<end>,|\Z)')
 
 
+@checked_first
 @dataclass(frozen=True)
 class Step:
     """One part of a script.
@@ -48,6 +50,7 @@ class Step:
         return name if self.seconds is None else f"{name} {np.format_float_positional(self.seconds, trim='-')}s"
 
 
+@checked
 def parse_script(text: str) -> tuple[Step, ...]:
     """Read a script: steps separated by commas, each the name of a clip and, unless it plays once through, a time.
 
@@ -73,6 +76,7 @@ def parse_script(text: str) -> tuple[Step, ...]:
     return tuple(steps)
 
 
+@checked
 def format_script(steps: Sequence[Step]) -> str:
     """The script of these steps; `parse_script` reads the same steps from it."""
     return ", ".join(map(str, steps))

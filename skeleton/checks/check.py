@@ -1,7 +1,10 @@
 """What deserves a look in a motion before anything is hung on it."""
 
+import math
 from collections.abc import Sequence
 
+from motions.border import checked
+from motions.errors import ValueRangeError
 from skeleton.checks.crossings import crossings
 from skeleton.checks.findings import Finding
 from skeleton.checks.speeds import glitches, too_fast
@@ -11,6 +14,7 @@ from skeleton.shapes import Shape
 from skeleton.track import BoneTrack
 
 
+@checked
 def check_motion(track: BoneTrack, solids: Sequence[Shape] = (), *, height: float | None = None) -> tuple[Finding, ...]:
     """Check a motion of any source: glitches, speeds beyond human limits, crossed limbs, feet and floor, scale.
 
@@ -24,7 +28,10 @@ def check_motion(track: BoneTrack, solids: Sequence[Shape] = (), *, height: floa
 
     Raises:
         UnknownNameError: a solid's bone isn't in the track.
+        ValueRangeError: the height is none.
     """
+    if height is not None and not 0.0 < height < math.inf:
+        raise ValueRangeError(f"the height of the body must be positive, not {height}")
     capsules = as_capsules(solids)
     return (
         *glitches(track, capsules),

@@ -6,9 +6,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from motions.border import checked
+
 Kind = Literal["glitch", "speed", "crossing", "floor", "unit", "start"]
 
 
+@checked
 @dataclass(frozen=True)
 class Finding:
     """Something about a motion that deserves a look.

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from motions import quaternions
 from motions.bodies.roles import SIDES
+from motions.border import checked
 from motions.clip import Clip
 from motions.errors import ValueRangeError
 from skeleton.model import Skeleton
@@ -64,6 +65,7 @@ class Deviation:
     max: float
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Retargeted:
     """A clip's motion on a robot, and how well it fits.
@@ -95,6 +97,7 @@ class Retargeted:
     stands: Mapping[str, NDArray[np.bool_]]
 
 
+@checked
 def retarget(
     clip: Clip,
     robot: Skeleton,

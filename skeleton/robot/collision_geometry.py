@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from motions import quaternions
+from motions.border import checked
 from motions.errors import UnknownNameError, ValueRangeError
 from skeleton.model import Skeleton
 from skeleton.robot.hitboxes import Hitboxes
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     import pinocchio
 
 
+@checked
 def add_to_geometry_model(
     hitboxes: Hitboxes | Iterable[Shape],
     body: Skeleton,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from motions.border import checked
 from motions.errors import ValueRangeError
 from skeleton.model import Skeleton
 from skeleton.rest import missing_roles
@@ -41,6 +42,7 @@ _NO_LIMIT = 1e3  # a speed above which a limit is none
 _NAMED = 4  # joints that a sentence names
 
 
+@checked
 def load_configurations(path: str | PathLike[str], body: Skeleton, *, fps: float | None = None) -> RobotMotion:
     """Read a robot's motion: a CSV file with a configuration in each row, or an NPZ file of arrays.
 
@@ -91,6 +93,7 @@ def load_configurations(path: str | PathLike[str], body: Skeleton, *, fps: float
     return RobotMotion(path.stem, rows, times, tuple(decisions))
 
 
+@checked
 def column_names(body: Skeleton) -> tuple[str, ...]:
     """What each number of a robot's configuration is: x, y, z, qx, qy, qz, qw of the root, then the joints."""
     names = []

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.border import checked
 from motions.errors import ValueRangeError
 from skeleton.model import Skeleton
 from skeleton.robot.capsule_fitting import QUANTILE, fit_solids, weighted_quantile
@@ -59,6 +60,7 @@ class Quality:
     volume_ratio: float
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Hitboxes:
     """Solids in the frames of a body's bones.
@@ -88,6 +90,7 @@ class Hitboxes:
         write_solids(path, self.robot, self.solids, remarks)
 
 
+@checked
 def load_hitboxes(path: str | Path, body: Skeleton | None = None) -> Hitboxes:
     """Read hitboxes from a TOML file; see `skeleton.solid_files` for what it holds.
 
@@ -105,6 +108,7 @@ def load_hitboxes(path: str | Path, body: Skeleton | None = None) -> Hitboxes:
     return Hitboxes(robot, solids)
 
 
+@checked
 def hitboxes_of(
     body: Skeleton,
     *,

@@ -18,6 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from motions import quaternions
+from motions.border import checked
 from motions.errors import FileError
 from motions.files import write_text
 from skeleton.model import Skeleton
@@ -28,6 +29,7 @@ _PACKAGE = Path(__file__).parents[1]
 _COMPUTED_WITH = ("numpy", "scipy", "trimesh", "coal")
 
 
+@checked
 def kept_hitboxes_of(
     body: Skeleton, folder: str | Path, *, which: Literal["limbs", "all"] = "limbs", kind: Kind | None = None
 ) -> Hitboxes:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.border import checked
 from motions.conventions import to_z_up
 from motions.errors import FileError, ValueRangeError
 from skeleton.model import Skeleton
@@ -30,6 +31,7 @@ FloatArray = NDArray[np.float64]
 _ASSET = 20_000  # characters of a Collada file's beginning, of which its head takes some hundreds
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class LinkSurface:
     """A piece of a link: a triangle mesh that a bone carries.
@@ -53,6 +55,7 @@ class LinkSurface:
     primitive: Sphere | Capsule | Box | None = None
 
 
+@checked
 def link_surfaces(body: Skeleton, kind: Kind, *, bones: Collection[str] | None = None) -> tuple[LinkSurface, ...]:
     """The pieces of a robot's links, as seen or as meant for collisions; files are read once for each body.
 
@@ -145,6 +148,7 @@ def _geometry(body: Skeleton, kind: Kind, **options: Any) -> "pinocchio.Geometry
         ) from None
 
 
+@checked
 def missing_meshes(body: Skeleton, kind: Kind) -> tuple[str, ...]:
     """A sentence on each mesh of a robot that is missing, and what `link_surfaces` shows in its place.
 

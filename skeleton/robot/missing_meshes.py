@@ -12,7 +12,7 @@ from urllib.parse import unquote
 from motions.errors import FileError
 from motions.files import printable
 from motions.limits import LARGEST_MESH
-from skeleton.urdf.reader import read_urdf
+from skeleton.urdf.reader import complete, read_urdf
 
 Kind = Literal["visual", "collision"]
 
@@ -49,7 +49,7 @@ def mended(urdf: Path, folders: Sequence[str], kind: Kind) -> Mended:
     """
     robot = read_urdf(urdf)
     other: Kind = "collision" if kind == "visual" else "visual"
-    told, pieces, large, renamed = [], 0, 0, False
+    told, pieces, large, renamed = [], 0, 0, complete(robot)
     lacks: dict[ElementTree.Element, str | None] = {}
     for mesh in robot.iter("mesh"):
         place, is_named = _place(mesh.get("filename", ""), urdf, folders)

@@ -1,6 +1,5 @@
 """What all solids share, and what the rest of the project asks of each of them."""
 
-import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -11,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.border import checked
 from motions.errors import ValueRangeError
+from motions.limits import LARGEST_NUMBER
 from skeleton.shapes.outlines import Outline
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ class Layout:
     curvature: float
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shape(ABC):
     """A solid in the frame of a bone. Every solid is convex.
@@ -84,17 +86,25 @@ class Shape(ABC):
 
     def __post_init__(self) -> None:
         """Copy, check and freeze the arrays, and check what all shapes have."""
+        for label, text in (("name", self.name), ("bone", "" if self.bone is None else self.bone)):
+            self._require(isinstance(text, str), f"the {label} must be a text", text)
         for label, size in self.numbers.items():
             if size:
                 array = np.array(getattr(self, label), dtype=float)
-                good = array.shape == (size,) and np.isfinite(array).all()
+                good = array.shape == (size,) and bool((abs(array) <= LARGEST_NUMBER).all())
                 self._require(good, f"{label} must be {size} finite numbers", array)
                 array.setflags(write=False)
                 object.__setattr__(self, label, array)
         for label in ("friction", "thickness"):
             value = getattr(self, label)
-            self._require(value is None or 0.0 <= value < math.inf, f"{label} must be zero or more", value)
+            self._require(value is None or 0.0 <= value <= LARGEST_NUMBER, f"{label} must be zero or more", value)
         self._check()
+        for label in (label for label, size in self.numbers.items() if not size):
+            value = getattr(self, label)
+            self._require(abs(value) <= LARGEST_NUMBER, f"{label.replace('_', ' ')} must be finite", value)
+
+    plain: ClassVar[tuple[str, ...]] = ("nearest",)
+    """Functions that are compiled as they stand."""
 
     @abstractmethod
     def _check(self) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.border import checked
 from skeleton.shapes.base import TINY, UNIT_TOLERANCE, Layout, lengths, upright
 from skeleton.shapes.hulls import HullOfBalls
 from skeleton.shapes.outlines import BoxOutline
@@ -44,6 +45,7 @@ def nearest(x, y, z, half_x, half_y, half_z, _h):
     )
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Box(HullOfBalls):
     """A solid cuboid.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.border import checked
 from skeleton.shapes.base import TINY, Layout, along, upright
 from skeleton.shapes.hulls import HullOfBalls, distance_from_hull, hull_of_spheres_volume
 from skeleton.shapes.outlines import CapsuleOutline
@@ -32,6 +33,7 @@ def nearest(x, y, z, length, radius, _g, _h):
     return off - radius, (x * scale if clear else 1.0), (y * scale if clear else 0.0), (z * scale if clear else 0.0)
 
 
+@checked
 @dataclass(frozen=True, eq=False, init=False)
 class Capsule(HullOfBalls):
     """All points within `radius` of a segment that moves with a bone.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.border import checked
 from skeleton.shapes.base import TINY, Bounded, Layout, along, lengths
 from skeleton.shapes.capsule import Capsule
 from skeleton.shapes.outlines import MeshOutline
@@ -43,6 +44,7 @@ def nearest(x, y, z, half_length, radius, _g, _h):
     return off + min(max(side, end), 0.0), ux * across, uy * across, uz * up
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cylinder(Bounded):
     """All points within `radius` of an axis, between two flat ends.

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.border import checked
 from skeleton.shapes.base import UNIT_TOLERANCE, Bounded, Layout, lengths, upright
 from skeleton.shapes.capsule import Capsule
 from skeleton.shapes.outlines import EllipsoidOutline
@@ -88,6 +89,7 @@ def nearest(x, y, z, radius_x, radius_y, radius_z, _h):
     return (u - 1.0) * length, wx * scale, wy * scale, wz * scale
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Ellipsoid(Bounded):
     """A solid ellipsoid.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.border import checked
 from skeleton.shapes.base import Layout, Shape, along
 from skeleton.shapes.outlines import PatchOutline
 
@@ -23,6 +24,7 @@ def nearest(_x, _y, z, _e, _f, _g, _h):
     return z, 0.0, 0.0, 1.0
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Plane(Shape):
     """The half-space behind a plane.

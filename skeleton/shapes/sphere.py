@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from motions.border import checked
 from skeleton.shapes import capsule
 from skeleton.shapes.base import Layout, lengths, upright
 from skeleton.shapes.capsule import Capsule
@@ -23,6 +24,7 @@ nearest = capsule.nearest
 """A sphere is a capsule of no length, so that both are of one kind for the solvers."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sphere(HullOfBalls):
     """All points within `radius` of a centre.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.border import checked
 from skeleton.shapes.base import TINY, Layout, along, upright
 from skeleton.shapes.capsule import Capsule
 from skeleton.shapes.hulls import HullOfBalls, distance_from_hull, hull_of_spheres_volume
@@ -43,6 +44,7 @@ def nearest(x, y, z, length, radius, sine, tangent):
     )
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TaperedCapsule(HullOfBalls):
     """The convex hull of two spheres: a capsule that is thicker at one end.

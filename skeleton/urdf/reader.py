@@ -19,6 +19,7 @@ from motions.limits import LARGEST_MARKUP
 if TYPE_CHECKING:
     import pinocchio
 
+FASTEST_JOINT = "1e9"  # rad/s or m/s: the limit of a joint that tells none
 _OTHERS = {"mujoco": "an MJCF file of MuJoCo", "sdf": "an SDF file of Gazebo"}
 
 
@@ -44,6 +45,26 @@ def read_urdf(path: Path) -> ElementTree.Element:
     return robot
 
 
+def complete(robot: ElementTree.Element) -> bool:
+    """Fill in what exporters leave out and the parser insists on, though nothing here needs it; tell whether it was.
+
+    That is the effort and the speed of a joint's limit, and the mass of a link that has an empty `inertial`, for which
+    the parser leaves out the link's shapes as well.
+    """
+    completed = False
+    for limit in robot.iterfind("joint/limit"):
+        for name, value in (("effort", "0"), ("velocity", FASTEST_JOINT)):
+            if name not in limit.attrib:
+                limit.set(name, value)
+                completed = True
+    for link in robot.iterfind("link"):
+        for inertial in link.findall("inertial"):
+            if inertial.find("mass") is None or inertial.find("inertia") is None:
+                link.remove(inertial)
+                completed = True
+    return completed
+
+
 def model_of_urdf(path: Path, *, floating_base: bool) -> "pinocchio.Model":
     """The model of a robot, with a joint in front that moves freely where one is wanted and missing.
 
@@ -52,12 +73,18 @@ def model_of_urdf(path: Path, *, floating_base: bool) -> "pinocchio.Model":
     """
     import pinocchio as pin
 
+    robot = read_urdf(path)
+    text = ElementTree.tostring(robot, encoding="unicode") if complete(robot) else None
+
+    def build(*root: "pinocchio.JointModelFreeFlyer") -> "pinocchio.Model":
+        return pin.buildModelFromUrdf(str(path), *root) if text is None else pin.buildModelFromXML(text, *root)
+
     with _said_by_the_parser() as said:
         try:
-            model = pin.buildModelFromUrdf(str(path))
+            model = build()
             floats = [joint.shortname() for joint in model.joints.tolist()[1:2]] == ["JointModelFreeFlyer"]
             if floating_base and not floats:
-                model = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
+                model = build(pin.JointModelFreeFlyer())
             _ = model.name, tuple(model.names), [frame.name for frame in model.frames]  # are they texts?
         except (ValueError, RuntimeError) as error:
             problem = said() or " ".join(str(error).split())

@@ -5,7 +5,10 @@ They need the compiler.
 
 import json
 import logging
+import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -23,7 +26,7 @@ from cape.kernels.store import Piece, Request
 from skeleton.shapes import Box, Plane
 from tests.compiler.functions import scaled, summed
 from tests.support.code import compiled_only
-from tests.support.processes import python
+from tests.support.processes import ROOT, python
 
 pytestmark = compiled_only
 
@@ -297,13 +300,67 @@ def test_what_is_somebody_else_s_is_thrown_away_and_made_anew(
     assert told.records == []
 
 
-def test_without_a_home_nothing_is_kept_and_it_is_said(monkeypatch: pytest.MonkeyPatch, told: pytest.LogCaptureFixture):
+@pytest.mark.parametrize("home", [None, "/dev/null"])
+def test_without_a_home_pieces_are_kept_beside_temporary_files_and_it_is_said_once(
+    home: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: pytest.LogCaptureFixture
+):
     for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(store.os.path, "expanduser", lambda path: path)
+    if home is None:
+        monkeypatch.setattr(store.os.path, "expanduser", lambda path: path)
+    else:
+        monkeypatch.setenv("HOME", home)
+    monkeypatch.setattr(store.tempfile, "gettempdir", lambda: str(tmp_path))
+    place = tmp_path / f"cape-{os.getuid()}"
+    computes()
+    assert len(list(place.iterdir())) == len(ALL)
+    assert place.stat().st_mode & 0o077 == 0
+    (record,) = told.records
+    assert ("there is no home folder" if home is None else "Not a directory") in record.getMessage()
+    assert record.getMessage().endswith(f"it is kept in {place}")
+
+
+def test_a_link_beside_temporary_files_is_not_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: pytest.LogCaptureFixture
+):
+    """Whoever may write there could have laid it."""
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", "/dev/null")
+    monkeypatch.setattr(store.tempfile, "gettempdir", lambda: str(tmp_path))
+    (tmp_path / "mine").mkdir()
+    (tmp_path / f"cape-{os.getuid()}").symlink_to(tmp_path / "mine")
     assert store.folder() is None
     (record,) = told.records
-    assert "there is no home folder" in record.getMessage()
+    assert record.getMessage().endswith("it is compiled anew in each run")
+
+
+@pytest.mark.extra
+def test_a_package_that_can_not_be_written_runs_without_a_home(tmp_path: Path):
+    installed = tmp_path / "installed"
+    for package in ("cape", "motions", "skeleton"):
+        shutil.copytree(ROOT / package, installed / package, ignore=shutil.ignore_patterns("__pycache__"))
+    for path in (installed, *installed.rglob("*")):
+        path.chmod(path.stat().st_mode & ~0o222)
+    (tmp_path / "temporary").mkdir()
+    (tmp_path / "home").mkdir(mode=0o555)
+    # To root, permissions mean nothing but where it gives up what lets it pass over them.
+    bound = ["setpriv", "--bounding-set=-dac_override,-dac_read_search,-fowner"] if os.getuid() == 0 else []
+    kept = {name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
+    done = subprocess.run(
+        [*bound, sys.executable, "-m", "cape.cli", "replay", "idle", "--end", "0.1", "--garment", "back_cape",
+         "--spacing", "0.1", "-o", str(tmp_path / "idle.rrd")],
+        env={**kept, "HOME": str(tmp_path / "home"), "TMPDIR": str(tmp_path / "temporary"),
+             "PYTHONPATH": str(installed)},
+        capture_output=True, text=True, check=False, cwd=tmp_path,
+    )  # fmt: skip
+    for path in (installed, *installed.rglob("*")):
+        path.chmod(path.stat().st_mode | 0o200)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("can't be kept") == 1
+    assert f"it is kept in {tmp_path / 'temporary' / f'cape-{os.getuid()}'}" in done.stderr
+    assert not list(installed.rglob("__pycache__"))
+    assert (tmp_path / "idle.rrd").stat().st_size > 0
 
 
 def test_a_numba_without_what_is_used_of_it_is_told_in_a_line():

@@ -153,6 +153,12 @@ def test_every_writing_is_the_same_clip(tmp_path, writing):
     assert_same_motion(clip, motions.load(write(tmp_path, PERSON, "plain.bvh")), 1e-15)
 
 
+@pytest.mark.parametrize("coding", ["utf-16", "utf-8-sig"])
+def test_what_an_editor_saved_as_unicode_is_the_same_clip(tmp_path, coding):
+    (tmp_path / "saved.bvh").write_bytes(PERSON.encode(coding))
+    assert_same_motion(motions.load(tmp_path / "saved.bvh"), motions.load(write(tmp_path, PERSON, "plain.bvh")), 1e-15)
+
+
 def edited(number: int, line: str | None) -> str:
     """The person with one line (counted from 1) replaced, or left out."""
     return "\n".join(LINES[: number - 1] + ([] if line is None else [line]) + LINES[number:])
@@ -180,7 +186,7 @@ MALFORMED = {
     "overflow": (edited(FIRST_ROW + 2, ROW.replace("90", "1e999", 1)), FIRST_ROW + 2, "'1e999' is too large"),
     "text for a number": (edited(FIRST_ROW + 2, ROW.replace("90", "9O", 1)), FIRST_ROW + 2, "'9O' is not a finite"),
     "two points": (edited(FIRST_ROW + 2, ROW.replace("90", "9.0.5", 1)), FIRST_ROW + 2, "'9.0.5' is not a finite"),
-    "lost blank": (edited(FIRST_ROW + 2, ROW.replace("-10", "5-10", 1)), FIRST_ROW + 2, "'5-10' is not a finite"),
+    "lost blank": (edited(FIRST_ROW + 2, ROW.replace("-10", "5-10", 1)), FIRST_ROW + 2, "a space is missing"),
     "decimal comma": (edited(FIRST_ROW + 2, ROW.replace("90", "90,5", 1)), FIRST_ROW + 2, "decimal comma"),
     "decimal comma in OFFSET": (edited(8, "OFFSET 0 45,0 0"), 8, "decimal comma"),
     "OFFSET of two": (edited(8, "OFFSET 0 45"), 9, "OFFSET needs three numbers; 'CHANNELS'"),

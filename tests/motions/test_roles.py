@@ -202,3 +202,27 @@ def test_every_role_is_found_on_real_files(mocap):
     for path in sorted(mocap.glob("*.bvh")):
         clip = motions.load(path)
         assert set(find_roles(clip.joints, clip.parents.tolist())) == set(ROLES), path.name
+
+
+def test_a_joint_whose_name_tells_nothing_is_the_upper_arm_below_a_shoulder():
+    """As where an exporter leaves names in another language beside English ones."""
+    joints = [
+        "Hips",
+        "Chest",
+        "LeftShoulder",
+        "左腕",
+        "LeftForeArm",
+        "LeftHand",
+        "RightShoulder",
+        "右腕",
+        "RightForeArm",
+    ]
+    found = find_roles(joints, [-1, 0, 1, 2, 3, 4, 1, 6, 7])
+    assert (found["left_shoulder"], found["left_upper_arm"], found["left_forearm"]) == tuple(joints[2:5])
+    assert (found["right_shoulder"], found["right_upper_arm"], found["right_forearm"]) == tuple(joints[6:])
+
+
+@pytest.mark.parametrize(("joints", "parents"), [(["a"], []), (["a", "b"], [-1, 1]), (["a"], [-2]), (["a"], [0])])
+def test_joints_need_a_parent_before_them(joints, parents):
+    with pytest.raises(motions.ValueRangeError, match="need as many parents"):
+        find_roles(joints, parents)

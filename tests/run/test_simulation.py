@@ -13,6 +13,8 @@ import pytest
 
 from cape import XPBD, Capsule, Cloth, Diverged, Fabric, Pose, Scene, Simulation, Solver, SymplecticEuler, attach
 from cape import simulate as simulate_take
+from cape.kernels.bones import Motion
+from cape.run.hanging import Hanging
 from motions.errors import UnknownNameError, ValueRangeError
 from skeleton.track import BoneTrack
 from tests.support.scenes import both_by_default, turn_about
@@ -208,6 +210,26 @@ def test_what_exploded_and_then_does_not_converge_is_kept(monkeypatch: pytest.Mo
     monkeypatch.undo()
     simulation.start(swing(0.0))
     assert (simulation.retried, simulation.refined, simulation.unconverged) == (0, 0, 0)
+
+
+def test_a_frame_of_settling_that_explodes_is_taken_in_shorter_steps(monkeypatch: pytest.MonkeyPatch):
+    """As where limbs pinch the cloth on their way to the first pose."""
+    scene, bone = hanging(), swing(0.0)
+    usual, refused = Simulation(scene), Simulation(scene)
+    usual.start(bone, settle=0.5)
+    advance, asked = Hanging.advance, []
+
+    def explosive(self: Hanging, motion: Motion, duration: float, substeps: int) -> int:
+        asked.append(substeps)
+        unconverged = advance(self, motion, duration, substeps)
+        if substeps == asked[0]:
+            self.state.vx[3] = 1e9
+        return unconverged
+
+    monkeypatch.setattr(Hanging, "advance", explosive)
+    refused.start(bone, settle=0.5)
+    assert set(asked[1::2]) == {2 * asked[0]}
+    np.testing.assert_allclose(refused.positions, usual.positions, atol=1e-3)
 
 
 def test_a_cloth_settles_at_a_stable_step_whatever_is_asked_for():

@@ -268,6 +268,8 @@ def test_arrays_with_times_or_a_rate(tmp_path, g1):
         load_configurations(tmp_path / "other.npz", g1)
     with pytest.raises(ValueRangeError, match="holds the times of its frames"):
         load_configurations(tmp_path / "timed.npz", g1, fps=60)
+    np.savez(tmp_path / "beside.npz", q=rows, fps=30, local_body_pos=np.array(None, dtype=object))
+    assert load_configurations(tmp_path / "beside.npz", g1).fps == pytest.approx(30)
     np.savez(tmp_path / "pickled.npz", q=np.array([{}], dtype=object))
     with pytest.raises(FileError, match="array 'q' is of object, not of numbers"):
         load_configurations(tmp_path / "pickled.npz", g1)

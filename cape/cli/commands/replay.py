@@ -10,7 +10,7 @@ from cape.air.record import read_wind
 from cape.air.wind import Wind
 from cape.assembly.self_contact import contact_thickness
 from cape.cli.character import Character
-from cape.cli.exports.writing import require_writable, write
+from cape.cli.exports.writing import begun, require_writable
 from cape.cli.figures.checking import check_rows, checked, step_error_facts, step_error_rows
 from cape.cli.figures.fitting import fit_facts, fit_rows
 from cape.cli.figures.looping import loop_facts, loop_rows
@@ -40,7 +40,7 @@ from cape.scene.scene import Scene
 from cape.scene.tearing import Tearing
 from cape.scenes.registry import NamedScene
 from cape.solvers import Solver, solver
-from motions.errors import UnknownNameError, UserError, ValueRangeError
+from motions.errors import FileError, UnknownNameError, UserError, ValueRangeError
 
 CUTS = {"carry": Cuts(then="carry"), "reset": Cuts(then="reset"), "off": None}
 TABS = ("cape", "hitboxes")
@@ -213,10 +213,14 @@ def run(
     """Simulate, record, report; gives the exit status."""
     require_writable(output or Path("x.rrd"), recorded_only={"--layers": layers is not None, "--spawn": spawn})
     who, path = prepared(reading, cut, scene=scene, output=output, hitboxes=hitboxes, layers=layers, tab=tab)
-    take = simulated(who.scene, who, solver=cut.method(), cuts=cut.way_at_cuts(), check_steps=check, loop=cut.loop)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        kind = write(take, path, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab)
+    with begun(path, who, loop=cut.loop, layers=layers, tab=tab) as end:
+        take = simulated(
+            who.scene, who, solver=cut.method(), cuts=cut.way_at_cuts(), check_steps=check, loop=cut.loop,
+            on_frame=end.on_frame,
+        )  # fmt: skip
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            end.finish(take)
     notes = [*take.warnings, *(str(w.message) for w in caught if w.category is UserWarning)]
     facts = _facts(take, who.scene, len({who.track.index(bone) for bone in who.scene.bones}), notes, path)
     if len(cut.worn) > 1:
@@ -230,9 +234,11 @@ def run(
     if json:
         print(json_format.dumps(facts))
     else:
-        _print_table(take, facts, kind)
+        _print_table(take, facts, end.kind)
     if spawn:
         open_viewer(path)
+    if (full := end.full()) is not None:
+        raise FileError(f"{path} ends before the motion does: {full}")
     return 130 if take.result.startswith("stopped") else 0
 
 

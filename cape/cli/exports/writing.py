@@ -1,15 +1,35 @@
 """What a simulation's result is written as, which the output's suffix tells: a recording, a kept take or an export."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from cape import exports, record
+from cape.cli.staging import Staged
+from cape.record.sink import room_at
+from cape.results.so_far import SoFar
 from cape.results.take import Take
-from motions.errors import UserError
-from motions.skin import Skin
-from skeleton.robot.link_surfaces import LinkSurface
+from motions.errors import FileError, UserError
 
 KEPT = ".npz"
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where a simulation's result goes.
+
+    Attributes:
+        kind: what it is, in a word.
+        finish: what writes the rest when it is over; raises UserError where that can't be.
+        on_frame: the same of `cape.simulate`, None where nothing is written before.
+        full: tells why it does not hold all frames, None where it does.
+    """
+
+    kind: str
+    finish: Callable[[Take], None]
+    on_frame: Callable[[int, SoFar], None] | None = None
+    full: Callable[[], str | None] = lambda: None
 
 
 def require_writable(path: Path, *, recorded_only: Mapping[str, bool]) -> None:
@@ -32,26 +52,42 @@ def require_writable(path: Path, *, recorded_only: Mapping[str, bool]) -> None:
         raise UserError(f"{' and '.join(given)} is for recordings (.rrd), not for {path.name}")
 
 
-def write(
-    take: Take,
-    path: Path,
-    *,
-    layers: Sequence[str] | None,
-    surfaces: Sequence[LinkSurface],
-    skin: Skin | None = None,
-    tab: str = "cape",
-) -> str:
-    """Write a take as its path's suffix tells, a recording by default; gives what that is, in a word.
+@contextmanager
+def begun(path: Path, who: Staged, *, loop: bool, layers: Sequence[str] | None, tab: str = "cape") -> Iterator[Output]:
+    """Begin what the path's suffix tells, a recording by default; it is whole when the block ends.
+
+    A recording is written while frames come, but for a loop and for a cloth that tears: what these are like is known
+    at the end.
 
     Raises:
         UserError: it can't be written.
     """
     suffix = path.suffix.lower()
-    if suffix == KEPT:
-        take.keep(path)
-        return "take"
-    if suffix in exports.FORMATS:
+    if suffix == KEPT or suffix in exports.FORMATS:
+        _require_room(path, 12 * who.scene.cloth.vertices * who.track.frames)
+        yield Output("take", lambda take: take.keep(path)) if suffix == KEPT else Output("export", _exporter(path))
+    elif loop or who.scene.tearing is not None:
+        yield Output(
+            "recording",
+            lambda take: record.save(take, path, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab),
+        )
+    else:
+        from cape.record.growing import growing_file
+
+        with growing_file(
+            path, who.scene, who.track, name=who.name, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab
+        ) as file:
+            yield Output("recording", file.finish, file.note, lambda: file.full)
+
+
+def _exporter(path: Path) -> Callable[[Take], None]:
+    def export(take: Take) -> None:
         take.export(path)
-        return "export"
-    record.save(take, path, layers=layers, surfaces=surfaces, skin=skin, tab=tab)
-    return "recording"
+
+    return export
+
+
+def _require_room(path: Path, size: int) -> None:
+    """Check, before anything is simulated, that there is room for a file of so many bytes at least."""
+    if (room := room_at(path.resolve())) < size:
+        raise FileError(f"can't write {path}: it takes {size / 1e6:.2g} MB and more, and {room / 1e6:.2g} MB are free")

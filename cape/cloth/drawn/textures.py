@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from motions.border import checked, checked_first
 from motions.errors import FileError, ValueRangeError
 from motions.files import read_bytes, whole_file
 
@@ -16,6 +17,7 @@ TextureArray = NDArray[np.uint8]
 MOST_TEXELS = 4096  # along a side: more than a viewer's memory is meant for
 
 
+@checked_first
 @dataclass(frozen=True, eq=False)
 class Textures:
     """Images over texture coordinates, from the top left; both sides of the cloth have them.
@@ -49,6 +51,7 @@ class Textures:
         return written
 
 
+@checked
 def read_textures(
     albedo: str | os.PathLike[str],
     *,

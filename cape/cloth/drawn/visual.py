@@ -5,10 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motions.border import checked
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Visual:
     """V vertices, each in the frame of a triangle of the simulated mesh: sum of its corners times shares, plus the

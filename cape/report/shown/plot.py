@@ -11,6 +11,7 @@ from cape.report.measured.energy import Account
 from cape.report.measured.resolution import Row as SpaceRow
 from cape.report.measured.trajectory import WINDOW
 from cape.report.run import Scene
+from motions.files import whole_file
 
 FLOOR_MM = 1e-4  # smaller errors are drawn here
 BAND = "#d9d9d9"
@@ -37,7 +38,8 @@ def save_diagram(scene: Scene, path: Path) -> None:
         draw(axes, scene, kind)
         axes.set_xlabel(label)
     figure.suptitle(f"{scene.name}: {scene.vertices:,} vertices, {scene.seconds:g} s of motion")
-    figure.savefig(path, dpi=120)
+    with whole_file(path) as partial:
+        figure.savefig(partial, dpi=120)
 
 
 def draw(axes: Any, scene: Scene, kind: str) -> None:
@@ -79,7 +81,8 @@ def save_space_diagram(rows: Sequence[SpaceRow], path: Path) -> None:
     draw_space(shape, [(row, row.shape_mm) for row in rows], "distance from the finest sheet at rest [mm]")
     draw_space(period, [(row, 100.0 * abs(row.period_error)) for row in rows], "error of the period [%]")
     figure.suptitle("One sheet at several spacings")
-    figure.savefig(path, dpi=120)
+    with whole_file(path) as partial:
+        figure.savefig(partial, dpi=120)
 
 
 def draw_space(axes: Any, errors: Sequence[tuple[SpaceRow, float]], label: str) -> None:
@@ -109,7 +112,8 @@ def save_energy(accounts: Sequence[Account], path: Path) -> None:
         draw_energy(axes, account)
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False)
     figure.axes[0].set_ylabel("change [mJ]")
-    figure.savefig(path, dpi=120)
+    with whole_file(path) as partial:
+        figure.savefig(partial, dpi=120)
 
 
 def draw_energy(axes: Any, account: Account) -> None:

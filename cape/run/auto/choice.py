@@ -12,6 +12,7 @@ from typing import ClassVar
 
 from cape.run.auto.sagging import USUAL_SPEED, Sagging
 from cape.solvers import TRBDF2, XPBD, Solver, SymplecticEuler
+from motions.border import checked
 from motions.errors import ValueRangeError
 
 TOLERANCE = 1e-3  # m, where nothing is asked for
@@ -26,6 +27,7 @@ LEAST_CHANGE, MOST_CHANGE = 0.25, 2.0  # of the step at once: theory of small er
 FINEST = 64.0  # times as short as stable steps of Euler, beyond which contact tells more than the step
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Auto:
     """Ask for an error or for a time instead of a solver and its steps; one of them.

@@ -31,12 +31,14 @@ from cape.scene.jumps import Cuts
 from cape.scene.poses import Bones, Pose, read_pose, read_poses
 from cape.scene.scene import Scene
 from cape.solvers import XPBD, Solver, SymplecticEuler
+from motions.border import checked_first
 from motions.errors import ValueRangeError
 
 TRIES = 6  # of a part, at most
 COMPARED = 1.5  # times as long as a part alone takes one that is compared with half as many steps
 
 
+@checked_first
 class AutoSimulation(Simulation):
     """A simulation that chooses its solver and steps, and changes them as the motion needs.
 

@@ -12,12 +12,14 @@ from cape.cloth.meshing import as_mesh
 from cape.run.tearing.refit import split_mesh
 from cape.run.tearing.sheets import sheet_of
 from cape.run.tearing.tears import edges_along
+from motions.border import checked
 from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
+@checked
 def cut(cloth: Cloth, *, along: ArrayLike) -> MeshCloth:
     """Cut a cloth along its edges next to a line; a line that ends within it leaves a slit, a closed one a piece loose.
 

@@ -7,12 +7,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape.cloth.cloth import Cloth
+from motions.border import checked, checked_first
 from motions.errors import ValueRangeError
+from motions.limits import LARGEST_NUMBER
 
 FloatArray = NDArray[np.float64]
 Bones = str | Sequence[str] | Mapping[str, ArrayLike]
 
 
+STIFFEST = 1e12  # N/m or N s/m, far beyond any step
+
+
+@checked_first
 @dataclass(frozen=True, eq=False)
 class Attachment:
     """Vertices that a bone carries along, or several bones.
@@ -56,6 +62,29 @@ class Attachment:
     cloth_vertices: int | None = field(default=None, kw_only=True)
     along: FloatArray | None = field(default=None, kw_only=True)
 
+    def __post_init__(self) -> None:
+        """Copy the arrays and check them.
+
+        Raises:
+            ValueRangeError: a shape is another, or a value is out of range.
+        """
+        n, k = np.size(self.vertices), len(self.bones)
+        far, stiff = LARGEST_NUMBER, STIFFEST
+        for name, shape, least, most in (
+            ("vertices", (n,), 0, 2**31),
+            ("points", (n, 3), -far, far),
+            ("weights", (n, k), 0.0, far),
+            ("stiffness", (n,), 0.0, stiff),
+            ("damping", (n,), 0.0, stiff),
+        ):
+            if (given := getattr(self, name)) is not None:
+                array = np.array(given, dtype=np.int64 if name == "vertices" else float)
+                if array.shape != shape or not ((array >= least) & (array <= most)).all():
+                    raise ValueRangeError(f"what {self.bone!r} holds needs {name} in range and of shape {shape}")
+                object.__setattr__(self, name, array)
+        if self.within is not None and not self.within > 0.0:
+            raise ValueRangeError(f"what {self.bone!r} holds must be within a positive distance, not {self.within}")
+
     @property
     def bones(self) -> tuple[str, ...]:
         """All the bones, by name or role."""
@@ -81,6 +110,7 @@ class Attachment:
         return values[np.isin(self.vertices, vertices)]
 
 
+@checked
 def attach(
     cloth: Cloth,
     bone: Bones,
@@ -124,8 +154,10 @@ def attach(
     if within is not None and not within > 0.0:
         raise ValueRangeError(f"attach to {label}: the distance must be positive, not {within}")
     chosen = np.arange(cloth.vertices) if vertices is None else cloth.region(vertices)
-    held = None if points is None else np.array(points, dtype=float).reshape(-1, 3)
-    if held is not None and (within is not None or len(held) != len(chosen) or not np.isfinite(held).all()):
+    held = None if points is None else np.array(points, dtype=float)
+    if held is not None and held.shape == (3,):
+        held = held[None]
+    if held is not None and (within is not None or held.shape != (len(chosen), 3) or not np.isfinite(held).all()):
         raise ValueRangeError(
             f"attach to {label}: points must be finite, one for each of the {len(chosen)} vertices, without within="
         )

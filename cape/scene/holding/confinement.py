@@ -8,12 +8,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from cape.cloth.cloth import Cloth
 from cape.scene.holding.attachments import Attachment, Bones, attach
+from motions.border import checked
 from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
 Map = ArrayLike | Callable[[FloatArray], ArrayLike]
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Confinement:
     """Vertices that stay near their animated positions, or on their outer side: what engines paint onto a cloth.
@@ -62,6 +64,7 @@ class Confinement:
         return np.broadcast_to(found, distances.shape).copy()
 
 
+@checked
 def confine(
     cloth: Cloth,
     bone: Bones,

@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from motions.border import checked
 from motions.errors import ValueRangeError
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Tethers:
     """No vertex gets farther from the nearest one that is held hard than the cloth between the two is long.

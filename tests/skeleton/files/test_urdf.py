@@ -1,12 +1,14 @@
 """A robot's file: links that are fixed are bones, joints that follow others do, and files that are no URDF say so."""
 
+import re
+
 import numpy as np
 import pytest
 
 import cape
 from motions import quaternions
 from motions.errors import FileError, UnknownNameError
-from skeleton import Hitboxes, Skeleton, column_names, load_configurations, load_hitboxes
+from skeleton import Hitboxes, Skeleton, column_names, link_surfaces, load_configurations, load_hitboxes
 from skeleton.robot.collision_geometry import add_to_geometry_model
 from skeleton.shapes import Sphere
 from tests.skeleton.robots import person_urdf
@@ -156,3 +158,19 @@ def test_what_is_no_urdf_is_answered_in_a_line(tmp_path, name, text, told):
     path.write_text(text)
     with pytest.raises(FileError, match=told):
         Skeleton.from_urdf(path)
+
+
+@pytest.mark.parametrize(
+    ("written", "instead"),
+    [(' effort="9"', ""), (' velocity="9"', ""), ("<inertial>.*?</inertial>", "<inertial/>")],
+)
+def test_what_exporters_leave_out_is_not_missed(tmp_path, capfd, written, instead):
+    """Neither the model nor the shapes of links need it, and the parser says nothing of it."""
+    path = person_urdf(tmp_path)
+    whole, text = Skeleton.from_urdf(path), path.read_text()
+    (tmp_path / "less.urdf").write_text(re.sub(written, instead, text))
+    assert (tmp_path / "less.urdf").read_text() != text
+    body = Skeleton.from_urdf(tmp_path / "less.urdf")
+    assert (body.bones, body.roles) == (whole.bones, whole.roles)
+    assert len(link_surfaces(body, "visual")) == len(link_surfaces(whole, "visual"))
+    assert capfd.readouterr().err == ""

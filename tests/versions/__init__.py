@@ -1,0 +1,1 @@
+"""The versions of what the packages build on, that `pyproject.toml` allows."""
