@@ -26,6 +26,7 @@ from cape.results.take import Take
 from cape.run.simulate import first_motion
 from cape.scene.scene import Scene
 from cape.solvers import Solver, SymplecticEuler
+from motions.border import checked_first
 from motions.errors import UserError, ValueRangeError
 from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
@@ -37,6 +38,7 @@ READ = 5.0  # [s] for which something that was said can be read
 Viewing = Literal["window", "web", "page", "none"] | str
 
 
+@checked_first
 class Live:
     """A running cloth: physics on a thread of its own, a step for each frame, in time with the clock.
 

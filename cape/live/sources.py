@@ -1,7 +1,7 @@
 """Where bones come from while a cloth is simulated live: a motion, or whatever tells where they are now."""
 
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,7 @@ Told = Callable[[float], Bones]
 """What tells the poses of bones, given the time of the simulation [s]."""
 
 
+@runtime_checkable  # since arguments are looked at
 class Source(Protocol):
     """Tells where bones are."""
 

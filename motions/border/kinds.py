@@ -34,7 +34,10 @@ def fits(value: Any, hint: Any, *, loosely: bool = False) -> bool:
         kinds = (int, np.integer) if hint is int else (int, float, np.integer, np.floating)
         if isinstance(value, bool) or not isinstance(value, kinds):
             return False
-        return loosely or bool(abs(value) < (MOST_WHOLE if isinstance(value, int) else MOST))
+        # As a number of Python's, since those of few bits can't be compared with what is beyond them.
+        return loosely or abs(value.item() if isinstance(value, np.generic) else value) < (
+            MOST_WHOLE if isinstance(value, int) else MOST
+        )
     kind = origin or hint
     if kind is Callable:
         return callable(value)

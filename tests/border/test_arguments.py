@@ -95,6 +95,12 @@ RIGHT: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
          "wind": cape.Wind(), "friction": 0.3, "thickness": 0.01, "self_contact": None, "strain_limit": True,
          "tearing": None, "tethers": None, "confinements": ()},
     ),
+    "Live": (
+        cape.Live,
+        {"scene": SCENE, "source": BONES, "name": "live", "fps": 60.0, "solver": cape.XPBD(), "threads": 1,
+         "viewer": "none", "bind": "127.0.0.1", "keep": False, "end_with_viewer": True, "surfaces": (),
+         "on_frame": None},
+    ),
     "SelfContact": (cape.SelfContact, {"thickness": 0.01, "friction": 0.1}),
     "Simulation": (
         cape.Simulation, {"scene": SCENE, "solver": cape.XPBD(), "threads": 1, "cuts": None, "ledger": None},
