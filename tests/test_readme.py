@@ -1,4 +1,4 @@
-"""Every example in the README, and every script that it names, runs as it stands there."""
+"""Every example in the README and the manual, and every script that they name, runs as it stands there."""
 
 import re
 import shutil
@@ -9,10 +9,14 @@ from pathlib import Path
 import pytest
 
 import motions
+from cape import manual
+from tests.support.command import cape
 
-README = Path(__file__).parents[1] / "README.md"
-EXAMPLES = re.findall(r"^```python\n(.*?)^```$", README.read_text(), flags=re.DOTALL | re.MULTILINE)
-SCRIPTS = sorted((README.parent / "tests" / "examples").glob("[!_]*.py"))
+ROOT = Path(__file__).parents[1]
+TEXTS = {path: path.read_text() for path in (ROOT / "README.md", *sorted(manual.FOLDER.glob("*.md")))}
+ALL = "\n".join(TEXTS.values())
+EXAMPLES = re.findall(r"^```python\n(.*?)^```$", ALL, flags=re.DOTALL | re.MULTILINE)
+SCRIPTS = sorted((ROOT / "tests" / "examples").glob("[!_]*.py"))
 
 
 def outcome(example: str, folder: Path) -> tuple[int, bool, bool]:
@@ -32,14 +36,29 @@ def test_example_runs(number, tmp_path):
 def test_script_runs_and_is_named(script: Path, tmp_path: Path):
     example = script.read_text()
     assert outcome(example, tmp_path) == (0, True, "walk.rrd" in example)
-    assert f"(tests/examples/{script.name})" in README.read_text()
+    assert f"tests/examples/{script.name})" in ALL
 
 
-def test_commands_in_the_readme_exist():
-    text = README.read_text()
-    commands = set(re.findall(r"^\$ cape (\w+)", text, flags=re.MULTILINE))
-    known = subprocess.run(
-        [Path(sys.executable).with_name("cape"), "--help"], capture_output=True, text=True, check=True
-    ).stdout
+def test_commands_that_are_told_exist(tmp_path: Path):
+    commands = set(re.findall(r"^\$ cape (\w+)", ALL, flags=re.MULTILINE))
+    known = cape("--help", folder=tmp_path).stdout
     assert commands
     assert all(re.search(rf"\b{command}\b", known) for command in commands)
+
+
+def test_what_is_linked_is_there():
+    for path, text in TEXTS.items():
+        for link in re.findall(r"\]\((?!https?:)([^)#]+)\)", text):
+            assert (path.parent / link).exists(), f"{path.name}: {link}"
+
+
+def test_the_manual_s_chapters_are_listed_and_printed(tmp_path: Path):
+    assert sorted(manual.NAMES) == [path.stem for path in TEXTS if path.parent == manual.FOLDER]
+    listed = re.findall(r"^\| \[(\w+)\]\(cape/manual/\1\.md\)", TEXTS[ROOT / "README.md"], flags=re.MULTILINE)
+    assert tuple(listed) == manual.NAMES
+    told = cape("manual", folder=tmp_path).stdout
+    assert all(name in told and manual.title(name) in told for name in manual.NAMES)
+    assert cape("manual", "live", folder=tmp_path).stdout == manual.chapter("live")
+    done = cape("manual", "lives", folder=tmp_path)
+    assert done.returncode == 2
+    assert "did you mean 'live'" in done.stderr

@@ -348,6 +348,18 @@ def addon(
     return run(output)
 
 
+@app.command()
+def manual(
+    chapter: Annotated[
+        str | None, typer.Argument(help="Its name; none lists the chapters.", show_default=False)
+    ] = None,
+) -> int:
+    """Print a chapter of the manual."""
+    from cape.manual.command import run
+
+    return run(chapter)
+
+
 @app.command("warm-up")
 def warm_up(
     everything: Annotated[
