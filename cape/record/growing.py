@@ -15,7 +15,7 @@ from cape.cloth.cloth import Cloth
 from cape.outfits.combined import Outfit, takes_apart
 from cape.record.blueprint import layout
 from cape.record.contacts import BYTES_PER_CONTACT
-from cape.record.file import RecordingFile, recording_file
+from cape.record.files.recording import RecordingFile, recording_file
 from cape.record.frames import BYTES_PER_CHUNK, Frames
 from cape.record.layers import LAYERS, check_layers
 from cape.record.solids import drawable

@@ -18,7 +18,7 @@ from cape.record.figure.body import log_body
 from cape.record.figure.clasp import log_clasp
 from cape.record.figure.robot import log_robot
 from cape.record.figure.skin import log_skin
-from cape.record.file import recording_file
+from cape.record.files.recording import recording_file
 from cape.record.frames import Frames
 from cape.record.layers import check_layers, log_cape, log_plots, log_skeleton
 from cape.record.solids import drawable, log_hitboxes, log_shells

@@ -81,7 +81,7 @@ def take_frame(cloth: Hanging, motion: Motion, dt: float, substeps: int, before:
     raise diverged(substeps)
 
 
-def settle(cloth: Hanging, duration: float | None, velocity: FloatArray) -> None:
+def bring_to_rest(cloth: Hanging, duration: float | None, velocity: FloatArray) -> None:
     """Bring a cloth to rest on bones that stand still, moving what they hold to where it is worn.
 
     For `duration` [s], None for as long as it needs where there is anything to move; the air comes as if the bones

@@ -15,8 +15,7 @@ from cape.kernels.store import Request
 from cape.measure.energy import Energy, energy_of
 from cape.measure.ledger import Ledger
 from cape.measure.meter import Meter, Reading
-from cape.run.attempts import SETTLING_FRAME, diverged, take_frame
-from cape.run.attempts import settle as settle_cloth
+from cape.run.attempts import SETTLING_FRAME, bring_to_rest, diverged, take_frame
 from cape.run.hanging import Hanging
 from cape.run.tearing.simulation import MayTear, tearable
 from cape.run.tearing.tears import Tears
@@ -251,8 +250,7 @@ class Simulation(MayTear):
         """Have another wind of the same air blow from now on.
 
         Raises:
-            ValueRangeError: the simulation has not been started, its scene has no air, or its wind is steady and this
-                one is not.
+            ValueRangeError: the simulation has not been started, or its scene has no air, or a steady wind to keep.
         """
         self._started.weather.turn_to(wind)
 
@@ -388,7 +386,7 @@ class Simulation(MayTear):
         self._cloth, self._first_pose = None, pose
         cloth = Hanging(self.scene, self.solver, pose, threads=self.threads)
         cloth.time = time
-        settle_cloth(cloth, settle, np.broadcast_to(moving, 3))
+        bring_to_rest(cloth, settle, np.broadcast_to(moving, 3))
         cloth.set_out(np.broadcast_to(moving, 3), np.broadcast_to(turning, 3))
         if not cloth.look():
             raise diverged(cloth.own_choice(SETTLING_FRAME))

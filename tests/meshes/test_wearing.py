@@ -15,7 +15,7 @@ from cape.meshes.nearest import nearest_on
 from cape.meshes.posing import ARMS, modelled_arms
 from cape.meshes.wearing import wear
 from cape.record.surfaces.drawn import drawn_of, texture_drawn
-from cape.run.attempts import settle
+from cape.run.attempts import bring_to_rest
 from cape.run.hanging import Hanging
 from cape.scene.poses import read_pose
 from motions import quaternions
@@ -98,7 +98,7 @@ def test_what_a_bone_holds_is_carried_to_the_first_frame(walker):
         for name in scene.bones
     }
     cloth = Hanging(scene, cape.solver("euler"), read_pose(first, scene.bones), threads=1)
-    settle(cloth, 1.6, np.zeros(3))
+    bring_to_rest(cloth, 1.6, np.zeros(3))
     assert scene.dressing is not None
     origin, rotation = scene.dressing["chest"]
     in_bone = quaternions.rotate(quaternions.conjugate(rotation), modelled_places(scene)[:32] - origin)

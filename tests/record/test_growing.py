@@ -122,7 +122,7 @@ def test_a_file_that_takes_no_more_is_an_error_and_no_wait(tmp_path: Path):
     script = """
 import resource, sys, numpy as np
 import rerun as rr, rerun.blueprint as rrb
-from cape.record.file import recording_file
+from cape.record.files.recording import recording_file
 resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, -1))
 with recording_file(sys.argv[1], application="a", name="n", blueprint=rrb.Blueprint(), size=0) as file:
     for k in range(20):

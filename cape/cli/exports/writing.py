@@ -7,10 +7,12 @@ from pathlib import Path
 
 from cape import exports, record
 from cape.cli.staging import Staged
-from cape.record.sink import room_at
+from cape.record.files.sink import room_at
 from cape.results.so_far import SoFar
 from cape.results.take import Take
 from motions.errors import FileError, UserError
+from motions.skin import Skin
+from skeleton.robot.link_surfaces import LinkSurface
 
 KEPT = ".npz"
 
@@ -52,6 +54,35 @@ def require_writable(path: Path, *, recorded_only: Mapping[str, bool]) -> None:
         raise UserError(f"{' and '.join(given)} is for recordings (.rrd), not for {path.name}")
 
 
+def write(
+    take: Take,
+    path: Path,
+    *,
+    layers: Sequence[str] | None = None,
+    surfaces: Sequence[LinkSurface] = (),
+    skin: Skin | None = None,
+    tab: str = "cape",
+) -> str:
+    """Write a take as its path's suffix tells, a recording by default; gives what that is, in a word.
+
+    Raises:
+        UserError: it can't be written.
+    """
+    suffix = path.suffix.lower()
+    if suffix == KEPT:
+        take.keep(path)
+    elif suffix in exports.FORMATS:
+        take.export(path)
+    else:
+        record.save(take, path, layers=layers, surfaces=surfaces, skin=skin, tab=tab)
+    return _kind(path)
+
+
+def _kind(path: Path) -> str:
+    suffix = path.suffix.lower()
+    return "take" if suffix == KEPT else "export" if suffix in exports.FORMATS else "recording"
+
+
 @contextmanager
 def begun(path: Path, who: Staged, *, loop: bool, layers: Sequence[str] | None, tab: str = "cape") -> Iterator[Output]:
     """Begin what the path's suffix tells, a recording by default; it is whole when the block ends.
@@ -62,29 +93,22 @@ def begun(path: Path, who: Staged, *, loop: bool, layers: Sequence[str] | None, 
     Raises:
         UserError: it can't be written.
     """
-    suffix = path.suffix.lower()
-    if suffix == KEPT or suffix in exports.FORMATS:
+    kind = _kind(path)
+    if kind != "recording":
         _require_room(path, 12 * who.scene.cloth.vertices * who.track.frames)
-        yield Output("take", lambda take: take.keep(path)) if suffix == KEPT else Output("export", _exporter(path))
-    elif loop or who.scene.tearing is not None:
-        yield Output(
-            "recording",
-            lambda take: record.save(take, path, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab),
-        )
+    if kind != "recording" or loop or who.scene.tearing is not None:
+
+        def finish(take: Take) -> None:
+            write(take, path, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab)
+
+        yield Output(kind, finish)
     else:
         from cape.record.growing import growing_file
 
         with growing_file(
             path, who.scene, who.track, name=who.name, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab
         ) as file:
-            yield Output("recording", file.finish, file.note, lambda: file.full)
-
-
-def _exporter(path: Path) -> Callable[[Take], None]:
-    def export(take: Take) -> None:
-        take.export(path)
-
-    return export
+            yield Output(kind, file.finish, file.note, lambda: file.full)
 
 
 def _require_room(path: Path, size: int) -> None:

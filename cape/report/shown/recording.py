@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cape.bench.plot import COLOURS, NAMES
 from cape.cloth.normals import vertex_normals
-from cape.record.file import recording_file
+from cape.record.files.recording import recording_file
 from cape.record.frames import Frames, send_once
 from cape.record.solids import log_hitboxes, plane_paths
 from cape.record.stage import DARK_BACKGROUND, log_character

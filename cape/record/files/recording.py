@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cape.record.sink import Sink, room_at
+from cape.record.files.sink import Sink, room_at
 from motions.errors import FileError
 from motions.files import begin_file
 
