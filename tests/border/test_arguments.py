@@ -3,6 +3,7 @@
 import math
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -200,14 +201,15 @@ def failure(call: Callable[..., Any], given: dict[str, Any]) -> str | None:
 
 
 @pytest.mark.parametrize("name", RIGHT)
-def test_nothing_but_a_user_error_comes_of_a_wrong_argument(name: str):
+def test_nothing_but_a_user_error_comes_of_a_wrong_argument(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)  # where a wrong path, which is as good as any, is written to
     call, right = RIGHT[name]
     for argument in right:
         for value in [*WRONG, *([REFUSED[name][argument]] if argument in REFUSED.get(name, {}) else [])]:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                if (wrong := failure(call, right | {argument: value})) is not None:
-                    pytest.fail(f"{argument}={value!r}: {wrong}")
+                wrong = failure(call, right | {argument: value})
+            assert wrong is None, f"{argument}={value!r}: {wrong}"
 
 
 @pytest.mark.parametrize(("name", "argument"), [(name, each) for name, given in REFUSED.items() for each in given])

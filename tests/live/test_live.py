@@ -77,8 +77,12 @@ def test_pause_and_single_frames():
         before = run.status.frame
         run.step(3)
         until(lambda: run.status.frame == before + 3, run)
+        run.wait(0.2)  # in which a run that went on would be frames ahead
+        assert run.status.frame == before + 3
+        assert run.status.paused
         run.pause(False)
         until(lambda: run.status.frame > before + 3, run)
+        assert not run.status.paused
 
 
 def test_slow_motion_takes_shorter_steps():
@@ -167,6 +171,10 @@ def test_mistakes_are_told_and_the_run_goes_on():
         until(lambda: "rod" in run.status.message, run)
         before = run.status.frame
         until(lambda: run.status.frame > before, run)
+        assert run.running
+        assert run.failed is None
+        assert run.status.solver == "euler"
+    assert np.isfinite(run.take().positions).all()
 
 
 def test_an_object_moves_by_hand():
@@ -249,6 +257,9 @@ def test_a_sender_that_is_stopped_is_not_waited_for(deaf: str):
         os.kill(run.sender_process, signal.SIGSTOP)
         before = run.status.frame
         until(lambda: run.status.frame >= before + 30, run)
+        assert Path(f"/proc/{run.sender_process}/stat").read_text().rpartition(")")[2].split()[0] == "T"
+        assert run.running
+        assert run.failed is None
 
 
 def test_the_sender_ends_with_a_run_that_is_killed(tmp_path: Path, deaf: str):

@@ -9,9 +9,10 @@ import os
 import pickle
 import sys
 import uuid
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from cape.live.feed.mailbox import LiveFrame, Mailbox
 from cape.record.moments import MomentRecording, Shown
@@ -24,7 +25,7 @@ PATIENCE = 0.25  # [s] to wait at a time for a frame to be on its way
 TICK = "0.004"  # [s] after which Rerun hands on what it was given
 
 
-def main(folder: Path, url: str) -> int:
+def main(folder: Path, url: str) -> NoReturn:
     """Send what comes into the mailbox of a folder to the viewer at a URL, until standard input is closed."""
     import rerun as rr
 
@@ -34,12 +35,7 @@ def main(folder: Path, url: str) -> int:
     recording: MomentRecording | None = None
     shown: Shown | None = None
     setup = -1
-    while True:
-        frame = box.take()
-        if frame is None:
-            if not os.read(0, 65536):
-                return 0
-            continue
+    for frame in arriving(box):
         begins = shown is None or frame.setup != setup
         if shown is None or begins:
             shown, setup = read_setup(folder, frame.setup), frame.setup
@@ -54,12 +50,28 @@ def main(folder: Path, url: str) -> int:
             recording.begin(shown, track)
         recording.add(frame.number, track, frame.positions)
         _wait_for(stream)
+    # Each frame has been waited for; Rerun's own end would wait once more, without end where a viewer does not read.
+    os._exit(0)
+
+
+def arriving(box: Mailbox) -> Iterator[LiveFrame]:
+    """The newest frame of a mailbox, whenever there is one, until standard input is closed.
+
+    A frame has been sent when the next one is asked for.
+    """
+    while True:
+        frame = box.take()
+        if frame is None:
+            if not os.read(0, 65536):
+                return
+            continue
+        yield frame
         if box.sent < 0:
-            give_way()  # only now: to begin takes long enough where viewers draw on all cores
+            _give_way()  # only now: to begin takes long enough where viewers draw on all cores
         box.sent = frame.number
 
 
-def give_way() -> None:
+def _give_way() -> None:
     """Let who computes go before this process, and this one before a viewer that draws in software."""
     with suppress(OSError, AttributeError):
         os.nice(NICER)
@@ -98,4 +110,4 @@ def read_setup(folder: Path, number: int) -> Shown:
 __all__ = ["LiveFrame", "main", "read_setup", "write_setup"]
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1]), sys.argv[2]))
+    main(Path(sys.argv[1]), sys.argv[2])

@@ -6,7 +6,6 @@ A browser that is slow, or many, cost the physics nothing.
 from __future__ import annotations
 
 import json
-import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ import numpy as np
 from cape.cloth.fabrics import FABRICS
 from cape.cloth.looks.registry import look_of
 from cape.live.feed.mailbox import LiveFrame, Mailbox
-from cape.live.feed.sending import give_way, read_setup
+from cape.live.feed.sending import arriving, read_setup
 from cape.live.page.objects import Mesh, mesh_of
 from cape.live.page.objects import handle as handle_mesh
 from cape.record.figure.body import BODY_COLOR, body_parts, hull_of_balls
@@ -41,19 +40,12 @@ def main(folder: Path, host: str, port: int) -> int:
     _say("serving", server.get_port())
     page = _Page(server)
     box = Mailbox.open(folder / "frames")
-    while True:
-        frame = box.take()
-        if frame is None:
-            if not os.read(0, 65536):
-                return 0
-            continue
+    for frame in arriving(box):
         if frame.setup != page.setup:
             page.begin(read_setup(folder, frame.setup), frame)
         if frame.number % SHOWN_EACH == 0:
             page.show(frame)
-        if box.sent < 0:
-            give_way()
-        box.sent = frame.number
+    return 0
 
 
 def _say(name: str, *values: Any) -> None:
