@@ -1,5 +1,6 @@
 """Fixtures that several test files share, and the order of the files."""
 
+import gc
 import os
 import signal
 from pathlib import Path
@@ -37,6 +38,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.extra)
     places = {name: place for place, name in enumerate(LONG)}
     items.sort(key=lambda item: places.get(item.path.name, len(LONG)))
+
+
+def pytest_collection_finish() -> None:
+    """Keep the collector from looking again and again through thousands of tests, which stay."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -15,13 +15,18 @@ from cape.kernels.jit import COMPILER_OFF
 from tests.support.processes import python
 
 ROOT = Path(__file__).parents[1]
-MODULES = sorted(p for package in ("motions", "skeleton", "cape") for p in (ROOT / package).rglob("*.py"))
 MOST_LINES = 450
 MOST_MODULES = 12  # side by side in a folder
 MAY_IMPORT = {"motions": {"motions"}, "skeleton": {"motions", "skeleton"}, "cape": {"motions", "skeleton", "cape"}}
 HEAVY = ("numba", "rerun", "pinocchio", "trimesh", "matplotlib", "pink", "typer", "rich", "pxr", "pygltflib")
 
-modules = pytest.mark.parametrize("module", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
+
+def within(folder: str) -> list[Path]:
+    """The files of a folder and of those in it."""
+    return sorted((ROOT / folder).rglob("*.py"))
+
+
+MODULES = [*within("motions"), *within("skeleton"), *within("cape")]
 
 
 @cache
@@ -39,46 +44,46 @@ def imported(module: Path) -> Iterator[str]:
             yield node.module or ""
 
 
-@modules
-def test_imports_run_one_way(module: Path):
-    package = module.relative_to(ROOT).parts[0]
-    inside = {name.split(".")[0] for name in imported(module)} & set(MAY_IMPORT)
-    assert inside <= MAY_IMPORT[package]
+def test_imports_run_one_way():
+    for module in MODULES:
+        inside = {name.split(".")[0] for name in imported(module)} & set(MAY_IMPORT)
+        assert inside <= MAY_IMPORT[module.relative_to(ROOT).parts[0]], module
 
 
-@pytest.mark.parametrize(
-    "module", sorted((ROOT / "cape" / "kernels").rglob("*.py")), ids=lambda p: str(p.relative_to(ROOT))
-)
-def test_kernels_know_numpy_and_numba_alone(module: Path):
-    for name in imported(module):
-        top = name.split(".")[0]
-        known = top in {"numpy", "numba", "llvmlite"} or top in sys.stdlib_module_names
-        assert known or name.startswith("cape.kernels")
+def test_kernels_know_numpy_and_numba_alone():
+    for module in within("cape/kernels"):
+        for name in imported(module):
+            top = name.split(".")[0]
+            known = top in {"numpy", "numba", "llvmlite"} or top in sys.stdlib_module_names
+            assert known or name.startswith("cape.kernels"), module
 
 
-@modules
-def test_only_the_compiler_imports_numba_as_it_is_imported(module: Path):
-    names = {
-        name
+def test_only_the_compiler_imports_numba_as_it_is_imported():
+    room = ROOT / "cape" / "kernels" / "compiler"
+    # Whether a numba will do is asked before any of it is imported.
+    expected = {path for path in room.glob("*.py") if path.name not in {"__init__.py", "internals.py"}}
+    assert {module for module in MODULES if "numba" in imported_at_once(module)} == expected
+
+
+def imported_at_once(module: Path) -> set[str]:
+    """The packages that are imported as a file is."""
+    return {
+        name.split(".")[0]
         for node in at_import(parsed(module))
         for name in ([node.module or ""] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names])
     }
-    numba = any(name.split(".")[0] == "numba" for name in names)
-    room = ROOT / "cape" / "kernels" / "compiler"
-    # Whether a numba will do is asked before any of it is imported.
-    assert numba == (module.parent == room and module.name not in {"__init__.py", "internals.py"})
 
 
-@pytest.mark.parametrize("module", sorted((ROOT / "motions").rglob("*.py")), ids=lambda p: str(p.relative_to(ROOT)))
-def test_motions_need_numpy_alone(module: Path):
-    for name in imported(module):
-        top = name.split(".")[0]
-        assert top in {"numpy", "motions"} or top in sys.stdlib_module_names
+def test_motions_need_numpy_alone():
+    for module in within("motions"):
+        for name in imported(module):
+            top = name.split(".")[0]
+            assert top in {"numpy", "motions"} or top in sys.stdlib_module_names, module
 
 
-@modules
-def test_a_module_fits_a_chapter(module: Path):
-    assert len(module.read_text().splitlines()) <= MOST_LINES
+def test_a_module_fits_a_chapter():
+    lengths = {module: len(module.read_text().splitlines()) for module in MODULES}
+    assert {module: length for module, length in lengths.items() if length > MOST_LINES} == {}
 
 
 @pytest.mark.parametrize("package", ["motions", "skeleton", "cape", "tests"])

@@ -5,7 +5,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import contextmanager, suppress
 from typing import Protocol
 
@@ -40,6 +40,7 @@ class Moving(Protocol):
 
 
 BEFORE = "putting the cape on"
+RECORDER = ("rerun.blueprint", "pyarrow.compute")  # what recordings are written by, slow to import
 
 
 def simulated(
@@ -51,8 +52,11 @@ def simulated(
     check_steps: bool = False,
     loop: bool = False,
     on_frame: Callable[[int, SoFar], None] | None = None,
+    modules: Sequence[str] = (),
 ) -> Take:
     """Simulate, telling on standard error what was decided about the motion and how far it has got.
+
+    The `modules` will be needed afterwards: they are imported meanwhile.
 
     Raises:
         ValueRangeError: the cape can't be put on.
@@ -61,7 +65,7 @@ def simulated(
     for decision in gathered(who.decisions):
         told = printable(f"{who.name}: {decision}")
         console.print(told, style="dim", highlight=False, markup=False, soft_wrap=True)
-    with _told(console), _loading("rerun.blueprint", "pyarrow.compute") as begin, _progress(console) as advance:
+    with _told(console), _loading(modules) as begin, _progress(console) as advance:
 
         def progress(done: int, of: int) -> None:
             begin()
@@ -96,7 +100,7 @@ def _told(console: Console):
 
 
 @contextmanager
-def _loading(*modules: str):
+def _loading(modules: Sequence[str]):
     """Give what begins to import modules that are needed afterwards: compiled code leaves the interpreter to them."""
 
     def load() -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -151,11 +152,11 @@ class GrowingFile:
     def __init__(
         self,
         file: RecordingFile,
-        cloth: GrowingCloth,
         asked: Collection[str],
         surfaces: Sequence[LinkSurface],
         skin: Skin | None,
         *,
+        entities: Callable[[], Sequence[ClothEntity]],
         frame_bytes: int,
         figure_bytes: int,
     ) -> None:
@@ -163,17 +164,25 @@ class GrowingFile:
 
         Args:
             file: that is open.
-            cloth: that sends there.
             asked: layers.
             surfaces: meshes that the bones carry.
             skin: mesh that the bones move.
+            entities: gives where the cloth stands, or each of those that it is made of.
             frame_bytes: what a frame of the cloth takes, but for its contacts.
             figure_bytes: what a frame of all else takes, at most.
         """
-        self._file, self._cloth, self._asked, self._surfaces, self._skin = file, cloth, asked, surfaces, skin
+        self._file, self._asked, self._surfaces, self._skin, self._entities = file, asked, surfaces, skin, entities
         self._frame_bytes, self._figure_bytes = frame_bytes, figure_bytes
         self._so_far: SoFar | None = None
         self.full: str | None = None
+
+    @cached_property
+    def _cloth(self) -> GrowingCloth:
+        return GrowingCloth(self._file.stream, self._asked, self._entities())
+
+    @property
+    def _sent(self) -> int:
+        return self._cloth.sent if "_cloth" in vars(self) else 0
 
     def note(self, done: int, so_far: SoFar) -> None:
         """Take notice of frames that are done, as the `on_frame` of `cape.simulate`.
@@ -183,7 +192,7 @@ class GrowingFile:
             FileError: the file can't be written.
         """
         self._so_far = so_far
-        if self._frame_bytes * (done - self._cloth.sent) >= BYTES_PER_CHUNK:
+        if self._frame_bytes * (done - self._sent) >= BYTES_PER_CHUNK:
             self._write()
         if self.full is not None:
             raise StopRun(self.full)
@@ -195,9 +204,9 @@ class GrowingFile:
             ValueRangeError: no frame is finite.
             FileError: the file can't be written, or has no room for any frame.
         """
-        if self.full is None and len(take.positions) > self._cloth.sent:
+        if self.full is None and len(take.positions) > self._sent:
             self._write()
-        if not self._cloth.sent:
+        if not self._sent:
             raise FileError(f"can't write {self._file.path}: {self.full}")
         worn = worn_of([take])
         bones = worn.bones.first(self._cloth.sent)
@@ -211,12 +220,12 @@ class GrowingFile:
         self._file.check()
         if self._so_far is None:
             return
-        part = self._so_far(self._cloth.sent)
+        part, sent = self._so_far(self._sent), self._sent
         contacts = 0 if part.contacts is None else len(part.contacts.points)
         needed = self._frame_bytes * len(part.positions) + BYTES_PER_CONTACT * contacts + OVERHEAD
-        needed += self._figure_bytes * (self._cloth.sent + len(part.positions))
+        needed += self._figure_bytes * (sent + len(part.positions))
         if (room := self._file.room) < needed:
-            self.full = f"{room / 1e6:.3g} MB are free, too little for more than {self._cloth.sent} frames"
+            self.full = f"{room / 1e6:.3g} MB are free, too little for more than {sent} frames"
         else:
             self._cloth.add(part)
 
@@ -260,20 +269,22 @@ def growing_file(
         warnings.simplefilter("ignore")  # told at the end, when they are in the recording
         colliders, frames = drawable(scene.colliders), finite_frames(name, track)
     parts = parts_of(name, scene.cloth)
-    entities = entities_of(parts)
-    linings = {
-        entity.path: None if cloth.textures is not None else entity.look.lining
-        for entity, (_, cloth) in zip(entities, parts, strict=True)
-    }
+
+    def entities() -> list[ClothEntity]:
+        return entities_of(parts)
+
+    def opening() -> tuple[str, rrb.Blueprint]:
+        linings = {
+            entity.path: None if cloth.textures is not None else entity.look.lining
+            for entity, (_, cloth) in zip(entities(), parts, strict=True)
+        }
+        height = figure_height(track, frames, surfaces if "robot" in asked else (), skin)
+        return cloth_layout(asked, linings, colliders=colliders, tab=tab, skinned=skin is not None, height=height)
+
     each = BYTES_PER_VERTEX * scene.cloth.vertices if "cape" in asked else BYTES_PER_BONE
-    application, blueprint = cloth_layout(
-        asked, linings, colliders=colliders, tab=tab, skinned=skin is not None,
-        height=figure_height(track, frames, surfaces if "robot" in asked else (), skin),
-    )  # fmt: skip
     with recording_file(
-        path, application=application, name=" and ".join(name for name, _ in parts), blueprint=blueprint,
+        path, name=" and ".join(name for name, _ in parts), opening=opening,
         size=OVERHEAD + each * track.frames + skin_size(skin, track.frames),
     ) as file:  # fmt: skip
-        cloth = GrowingCloth(file.stream, asked, entities)
         figure = BYTES_PER_BONE * (len(track.names) + len(colliders)) + skin_size(skin, 1)
-        yield GrowingFile(file, cloth, asked, surfaces, skin, frame_bytes=each, figure_bytes=figure)
+        yield GrowingFile(file, asked, surfaces, skin, entities=entities, frame_bytes=each, figure_bytes=figure)

@@ -73,8 +73,9 @@ def save(
     """
     require_recorder()
     recording = recording_of(take, layers=layers, surfaces=surfaces, skin=skin, tab=tab)
-    about = {"application": recording.application, "name": recording.name, "blueprint": recording.blueprint}
-    with recording_file(path, **about, size=recording.size) as file:
+    with recording_file(
+        path, name=recording.name, opening=lambda: (recording.application, recording.blueprint), size=recording.size
+    ) as file:
         recording.log(file.stream)
 
 
@@ -172,7 +173,7 @@ def save_hitboxes(
     skin = skin if "body" in asked else None
     blueprint = layout(asked, figure_height(bones, frames, surfaces, skin), colliders, tab="hitboxes")
     size = OVERHEAD + skin_size(skin, len(frames.numbers))
-    with recording_file(path, application="cape hitboxes", name=name, blueprint=blueprint, size=size) as file:
+    with recording_file(path, name=name, opening=lambda: ("cape hitboxes", blueprint), size=size) as file:
         log_figure(
             file.stream, asked, bones, colliders, thicknesses, frames, left_out=left_out, surfaces=surfaces, skin=skin
         )

@@ -142,9 +142,9 @@ def plain(tmp_path_factory) -> tuple[dict[str, Any], Path]:
     return json.loads(done.stdout), folder
 
 
-BRIEF = ("replay", "walk", "--end", "0.1", "-o", "out.rrd")
-COARSE = ("replay", "walk", "--end", "0.3", "-o", "out.rrd", "--garment", "back_cape", "--spacing", "0.06")
-DENIM = (*COARSE, "--fabric", "denim")
+BRIEF = ("replay", "walk", "--end", "0.1", "-o", "out.npz")
+COARSE = ("replay", "walk", "--end", "0.3", "-o", "out.npz", "--garment", "back_cape", "--spacing", "0.06")
+DENIM = (*COARSE, "--end", "0.2", "--fabric", "denim")
 # All that adds to the table, on the clip whose feet the cape doesn't reach.
 MUCH = ("replay", "idle", "--end", "0.1", "-o", "out.rrd", "--garment", "back_cape", "--spacing", "0.06",
         "--self-contact", "--check", "--solver", "xpbd", "--substeps", "12")  # fmt: skip
@@ -176,7 +176,7 @@ def test_self_contact_is_told_in_the_summary(once):
 
 
 def test_no_thread_stretches_further_than_its_fabric_allows_unless_asked(once):
-    spin = ("replay", "spin", "--start", "0.8", "--end", "1.3", "-o", "out.rrd", "--spacing", "0.05")
+    spin = ("replay", "spin", "--start", "0.8", "--end", "1.3", "-o", "out.npz", "--spacing", "0.05")
     limited, free = (once.facts(*spin, *more)["stretch_max"] for more in ((), ("--no-strain-limit",)))
     assert limited < 0.06 < 0.1 < free
 
@@ -319,10 +319,10 @@ def test_garments_are_listed_and_worn(once):
     assert all(f"{garment.name} {garment.title}" in told for garment in GARMENTS.values())
     assert once.facts("garments") == {garment.name: garment.title for garment in GARMENTS.values()}
     command = (*BRIEF, "--spacing", "0.06", "--garment")
-    for name in ("half_cape", "tabard"):
-        assert once.facts(*command, name)["result"] == "finished"
+    assert once.facts(*command, "tabard")["result"] == "finished"
 
 
+@pytest.mark.few("leather-weight")
 @pytest.mark.parametrize("name", ["chiffon-weight", "jersey", "leather-weight"])
 def test_a_cape_may_be_of_any_fabric(once, name):
     worn = ("--garment", "back_cape", "--spacing", "0.06", "--fabric", name)

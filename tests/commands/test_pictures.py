@@ -77,6 +77,7 @@ def test_a_mistake_is_one_line_and_status_2(case: str, bare: Path, forks: Forks)
     assert sorted(path.name for path in bare.iterdir()) == before
 
 
+@pytest.mark.few("asked0", "asked2")
 @pytest.mark.parametrize("asked", [["render", "bare.rrd"], ["render", "walk"], ["gallery", "-o", "pages"]])
 def test_without_vulkan_one_line_says_what_to_install(asked: list[str], bare: Path):
     done = cape(*asked, folder=bare, timeout=60.0, **WITHOUT_VULKAN)

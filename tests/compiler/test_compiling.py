@@ -98,6 +98,7 @@ def test_whoever_compiles_all_is_there_and_the_same(tmp_path: Path):
             assert made[how][name].returns == made["nothing"][name].returns
 
 
+@pytest.mark.few("and claims all")
 @pytest.mark.parametrize("begins", ["never", "and claims all"])
 def test_a_helper_that_dies_is_made_up_for(tmp_path: Path, begins: str):
     helper = tmp_path / "helper"

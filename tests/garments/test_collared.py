@@ -111,7 +111,7 @@ def test_a_ring_is_let_down_onto_a_ball(walker):
 
 
 @pytest.mark.parametrize("name", COLLARED)
-@pytest.mark.few("hooded_cloak", "shoulder_cape")
+@pytest.mark.few("shoulder_cape")
 def test_it_follows_the_body_from_the_pose_in_which_it_is_put_on_to_the_first(walker, name: str):
     body, track = walker
     scene = cape.dress(body, track, garment=name, spacing=0.06)

@@ -52,6 +52,7 @@ def at(walker):
 
 
 @pytest.mark.parametrize("name", PATTERNS)
+@pytest.mark.few("sash", "skirt", "tabard")
 def test_it_starts_clear_of_the_body_and_of_itself(scenes, name: str):
     scene = scenes[name]
     for collider in scene.colliders:

@@ -125,6 +125,7 @@ def changed(change: Callable[[Live], None], told: str, scene: cape.Scene = SCENE
     ],
     ids=["fabric", "self-contact", "solver", "pin"],
 )
+@pytest.mark.few("fabric", "solver")
 def test_what_is_changed_goes_on_from_where_the_cloth_is(change: Callable[[Live], None], told: str):
     """No vertex gets farther in a frame than cloth at 3 m/s, as it would be where it was put on anew."""
     run, _ = changed(change, told)

@@ -37,20 +37,23 @@ def accelerations(places: NDArray) -> NDArray:
     return np.linalg.norm(np.diff(places, 2, axis=0), axis=-1).max(axis=1) * FPS**2
 
 
-STEERED = walk(700, {100: "walk", 260: "kick", 268: "idle", 275: "walk"})
+@pytest.fixture(scope="module")
+def steered() -> NDArray:
+    """Places of joints [m] (F, J, 3) of one who stands, walks, kicks on the way, and stands."""
+    return walk(700, {100: "walk", 260: "kick", 268: "idle", 275: "walk"})[0]
 
 
-def test_it_answers_in_the_next_frame():
+def test_it_answers_in_the_next_frame(steered: NDArray):
     still, _, _ = walk(140, {})
-    moved = np.linalg.norm(STEERED[0][:140] - still, axis=-1).max(axis=1)
+    moved = np.linalg.norm(steered[:140] - still, axis=-1).max(axis=1)
     assert (moved[:100] == 0.0).all()
     assert (moved[100:] > 0.0).all()
 
 
-def test_it_is_as_smooth_as_its_clips():
+def test_it_is_as_smooth_as_its_clips(steered: NDArray):
     """Passages, also those that break others off, accelerate no joint more than a clip does."""
     most = max(accelerations(clip.world_positions()).max() for clip in CLIPS)
-    assert accelerations(STEERED[0]).max() < 1.001 * most
+    assert accelerations(steered).max() < 1.001 * most
 
 
 def test_what_is_done_once_is_followed_by_what_went_before():
@@ -67,8 +70,8 @@ def test_it_goes_round_for_good():
     assert way[1:].min() > 0.8 * way[1:].max() > 0.8  # metres in each second
 
 
-def test_feet_stay_on_the_ground():
-    assert STEERED[0][..., 2].min() > min(clip.world_positions()[..., 2].min() for clip in CLIPS) - 0.02
+def test_feet_stay_on_the_ground(steered: NDArray):
+    assert steered[..., 2].min() > min(clip.world_positions()[..., 2].min() for clip in CLIPS) - 0.02
 
 
 def test_it_turns_at_the_rate_that_it_is_told():

@@ -124,7 +124,7 @@ import resource, sys, numpy as np
 import rerun as rr, rerun.blueprint as rrb
 from cape.record.files.recording import recording_file
 resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, -1))
-with recording_file(sys.argv[1], application="a", name="n", blueprint=rrb.Blueprint(), size=0) as file:
+with recording_file(sys.argv[1], name="n", opening=lambda: ("a", rrb.Blueprint()), size=0) as file:
     for k in range(20):
         file.stream.log("a", rr.Points3D(np.random.default_rng(k).random((9000, 3))))
         file.stream.flush()
@@ -144,6 +144,7 @@ def test_a_run_that_is_stopped_says_why():
     assert (take.result, take.warnings[0], len(take.positions)) == ("stopped at frame 4", "enough", 4)
 
 
+@pytest.mark.few("15")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_command_that_is_told_to_end_keeps_what_is_done(tmp_path: Path, number: signal.Signals):
     process = subprocess.Popen(

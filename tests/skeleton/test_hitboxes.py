@@ -61,7 +61,7 @@ def seen(body: Skeleton, solid: Shape, point: str) -> np.ndarray:
 
 
 @robots
-@pytest.mark.few("g1", "human", "talos")
+@pytest.mark.few("human", "talos")
 def test_every_humanoid_gets_something_where_a_cape_hangs(robot: str):
     hitboxes, body = fitted(robot), body_of(robot)
     names = [solid.name for solid in hitboxes.solids]

@@ -101,7 +101,7 @@ def test_every_robot_has_both_shoulders_a_chest_and_all_limbs(name):
 
 
 @pytest.mark.parametrize("name", [name for name in ROBOTS if name != "simple_humanoid"])
-@pytest.mark.few("g1", "talos")
+@pytest.mark.few("talos")
 def test_surfaces_move_as_pinocchio_moves_the_geometry(name):
     import coal  # pyright: ignore[reportMissingImports]
     import pinocchio as pin  # pyright: ignore[reportMissingImports]

@@ -261,6 +261,7 @@ def test_a_residual_far_below_the_tolerance_is_settled_without_a_product(layout:
 
 @layouts
 @pytest.mark.parametrize("kind", [BackwardEuler, TRBDF2], ids=lambda kind: kind.name)
+@pytest.mark.few("backward_euler-grid", "backward_euler-mesh", "tr_bdf2-membrane")
 def test_finer_cloth_takes_no_more_iterations(kind: type[BackwardEuler | TRBDF2], layout: str):
     taken = []
     for vertices in (1_000, 8_000):
@@ -279,6 +280,7 @@ def _counted(subject: Subject) -> Array:
 
 @layouts
 @pytest.mark.parametrize("kind", [BackwardEuler, TRBDF2], ids=lambda kind: kind.name)
+@pytest.mark.few("backward_euler-membrane", "tr_bdf2-grid", "tr_bdf2-mesh")
 def test_threads_share_the_levels_to_the_last_bit(kind: type[BackwardEuler | TRBDF2], layout: str):
     side = np.linspace(0.0, 0.6, 31)
     cloth = cloth_of(layout, side, side[:29])

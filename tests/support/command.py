@@ -14,9 +14,12 @@ from typing import NamedTuple, Self
 
 CAPE = Path(sys.executable).with_name("cape")
 
-# What the command imports in any case, and foreign packages that are slow to import and start no threads.
-IMPORTED = ("cape.cli.app", "pydantic.fields", "pydantic.types", "pydantic.type_adapter", "rich.progress", "rich.table",
-            "pinocchio")  # fmt: skip
+# What commands import, and foreign packages that are slow to import and start no threads, as rerun does.
+IMPORTED = (
+    "cape.cli.app", "cape.cli.commands.replay", "cape.cli.figures.checking", "cape.record.growing", "cape.scenes",
+    "attr", "numpy.fft", "numpy.ma", "numpy.random", "PIL.ExifTags", "PIL.Image", "pinocchio", "psutil", "pydoc",
+    "pydantic.fields", "pydantic.type_adapter", "pydantic.types", "rich.progress", "rich.table", "typer._adapters",
+)  # fmt: skip
 
 
 def cape(

@@ -58,14 +58,13 @@ def test_a_hem_that_is_drawn_in_leaves_the_shadow_of_what_is_above_it():
     assert drape.coefficient(drape.shadow(both, np.concatenate([triangles, more]))) == pytest.approx(1.0, abs=5e-4)
 
 
-def test_cloth_as_stiff_as_a_board_lies_flat_and_a_start_is_always_the_same():
+def test_cloth_as_stiff_as_a_board_lies_flat():
     fabric = Fabric(density=0.2, stretch=2000.0, shear=30.0, bend=0.02)
-    found = [drape.drape(fabric, "equilateral", 3) for _ in range(2)]
-    assert found[0] == found[1]
-    assert found[0].rested
+    found = drape.drape(fabric, "equilateral", 3)
+    assert found.rested
     # A strip as long as the ring is wide sags by W g l^4 / 8 B = 0.16 mm; what that takes of 6 cm is far below 1e-3,
     # and the outline's polygon lacks 1 - sin(x) / x = 4e-4 of its disc, x = 2 pi / 126 being a corner's angle.
-    assert found[0].coefficient == pytest.approx(100.0, abs=0.2)
+    assert found.coefficient == pytest.approx(100.0, abs=0.2)
 
 
 def test_the_curvature_of_a_board_is_told_by_how_far_it_sags():
@@ -84,7 +83,7 @@ def test_the_curvature_of_a_board_is_told_by_how_far_it_sags():
     assert drape.curvature(simulation) == pytest.approx(expected, rel=2e-3)
 
 
-def test_friction_in_bending_stiffens_a_drape_and_none_leaves_it_as_it_is():
+def test_friction_in_bending_stiffens_a_drape_and_without_it_a_start_is_always_the_same():
     fabric = Fabric(density=0.2, stretch=2000.0, shear=30.0, bend=0.02)
     first, again = islice(drape.rubbing(fabric, 0.0, spacing=0.02), 2)
     assert again == first

@@ -10,7 +10,7 @@ from cape.cli.character import Character, read_character
 from cape.cli.figures.rows import print_rows
 from cape.cli.output import open_viewer, output_path
 from cape.cli.reading import Reading
-from cape.cli.running import simulated
+from cape.cli.running import RECORDER, simulated
 from cape.cli.words import gathered
 from cape.reach import Reach, reach_of
 from cape.results.take import Take
@@ -48,7 +48,7 @@ def run(
     else:
         scene = dress(who.body, who.track, colliders=who.hitboxes.solids)
         reach = reach_of(scene, who.track)
-        take = simulated(scene, who)
+        take = simulated(scene, who, modules=RECORDER)
         record.save(take, path, surfaces=who.surfaces, skin=who.skin, tab="hitboxes")
         touched = _touched(take)
         rows = [(c.name, f"{_text(c, reach)}; {touched[c.name]}") for c in take.colliders]

@@ -14,7 +14,7 @@ from cape.cli.figures.rows import print_rows
 from cape.cli.measuring import sections
 from cape.cli.output import output_path
 from cape.cli.reading import Reading
-from cape.cli.running import ended_in_order, simulated
+from cape.cli.running import RECORDER, ended_in_order, simulated
 from cape.cli.words import gathered
 from cape.pictures import films, stills
 from cape.pictures.eye import side_of
@@ -115,7 +115,7 @@ def _recording(reading: Reading, cut: Cut, hitboxes: str | None) -> Path | None:
 def _replay(reading: Reading, cut: Cut, path: Path, hitboxes: str | None) -> bool:
     """Simulate and record; False where that was interrupted."""
     who = read_character(reading, hitboxes=hitboxes)
-    take = simulated(cut.scene(who), who, solver=cut.method(), cuts=cut.way_at_cuts(), loop=cut.loop)
+    take = simulated(cut.scene(who), who, solver=cut.method(), cuts=cut.way_at_cuts(), loop=cut.loop, modules=RECORDER)
     take.save(path, surfaces=who.surfaces, skin=who.skin)
     print_rows([("result", take.result), *(("", warning) for warning in gathered(take.warnings))])
     return not take.result.startswith("stopped")

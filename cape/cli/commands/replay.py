@@ -216,7 +216,7 @@ def run(
     with begun(path, who, loop=cut.loop, layers=layers, tab=tab) as end:
         take = simulated(
             who.scene, who, solver=cut.method(), cuts=cut.way_at_cuts(), check_steps=check, loop=cut.loop,
-            on_frame=end.on_frame,
+            on_frame=end.on_frame, modules=end.modules,
         )  # fmt: skip
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")

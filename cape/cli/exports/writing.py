@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cape import exports, record
+from cape.cli.running import RECORDER
 from cape.cli.staging import Staged
 from cape.record.files.sink import room_at
 from cape.results.so_far import SoFar
@@ -25,12 +26,14 @@ class Output:
         kind: what it is, in a word.
         finish: what writes the rest when it is over; raises UserError where that can't be.
         on_frame: the same of `cape.simulate`, None where nothing is written before.
+        modules: that writing needs, and that take long to import.
         full: tells why it does not hold all frames, None where it does.
     """
 
     kind: str
     finish: Callable[[Take], None]
     on_frame: Callable[[int, SoFar], None] | None = None
+    modules: tuple[str, ...] = ()
     full: Callable[[], str | None] = lambda: None
 
 
@@ -101,14 +104,14 @@ def begun(path: Path, who: Staged, *, loop: bool, layers: Sequence[str] | None, 
         def finish(take: Take) -> None:
             write(take, path, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab)
 
-        yield Output(kind, finish)
+        yield Output(kind, finish, modules=RECORDER if kind == "recording" else ())
     else:
         from cape.record.growing import growing_file
 
         with growing_file(
             path, who.scene, who.track, name=who.name, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab
         ) as file:
-            yield Output(kind, file.finish, file.note, lambda: file.full)
+            yield Output(kind, file.finish, file.note, RECORDER, lambda: file.full)
 
 
 def _require_room(path: Path, size: int) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import uuid
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,14 +24,31 @@ class RecordingFile:
     """A recording that is being written, under another name yet.
 
     Attributes:
-        stream: to send to.
         path: whose name it is going to take.
     """
 
-    def __init__(self, path: str | os.PathLike[str], stream: rr.RecordingStream, sink: Sink) -> None:
-        """The recording that is to take the name `path`."""
-        self.stream, self.path = stream, path
-        self._sink = sink
+    def __init__(
+        self, path: str | os.PathLike[str], sink: Sink, name: str, opening: Callable[[], tuple[str, rrb.Blueprint]]
+    ) -> None:
+        """The recording that is to take the name `path`; `name` and `opening` are those of `recording_file`."""
+        self.path = path
+        self._sink, self._name, self._opening = sink, name, opening
+
+    @cached_property
+    def stream(self) -> rr.RecordingStream:
+        """To send to."""
+        import rerun as rr
+
+        application, blueprint = self._opening()
+        stream = rr.RecordingStream(application, recording_id=uuid.uuid4())
+        self._sink.open(stream, blueprint)
+        stream.send_recording_name(self._name)
+        return stream
+
+    def disconnect(self) -> None:
+        """Send no more, if anything was sent."""
+        if "stream" in vars(self):
+            self.stream.disconnect()
 
     @property
     def room(self) -> int:
@@ -50,24 +68,22 @@ class RecordingFile:
 
 @contextmanager
 def recording_file(
-    path: str | os.PathLike[str], *, application: str, name: str, blueprint: rrb.Blueprint, size: int
+    path: str | os.PathLike[str], *, name: str, opening: Callable[[], tuple[str, rrb.Blueprint]], size: int
 ) -> Iterator[RecordingFile]:
-    """Open a stream into a file that takes its name when the block ends, and vanishes when the block fails.
+    """Open a file that takes its name when the block ends, and vanishes when the block fails.
 
-    The data goes to a hidden file beside `path`.
+    The data goes to a hidden file beside `path`. Rerun is imported when something is sent, not before.
 
     Args:
         path: the recording to write; one that is there is replaced at the end.
-        application: Rerun's application id, under which the viewer keeps its layout.
         name: what the viewer calls the recording.
-        blueprint: the layout that the recording opens with.
+        opening: gives Rerun's application id, under which the viewer keeps its layout, and the layout that the
+            recording opens with.
         size: how large it will be, roughly [bytes].
 
     Raises:
         FileError: the file can't be written.
     """
-    import rerun as rr
-
     target = Path(path).resolve()
     with _told(path):
         if target.exists() and not target.is_file():
@@ -79,14 +95,12 @@ def recording_file(
         with _told(path):
             sink = Sink(partial)
         try:
-            stream = rr.RecordingStream(application, recording_id=uuid.uuid4())
-            file = RecordingFile(path, stream, sink)
+            file = RecordingFile(path, sink, name, opening)
             try:
-                sink.open(stream, blueprint)
-                stream.send_recording_name(name)
                 yield file
+                _ = file.stream  # opened also where nothing was sent
             finally:
-                stream.disconnect()
+                file.disconnect()
         finally:
             sink.close()
         file.check()

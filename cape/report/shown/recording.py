@@ -52,7 +52,7 @@ def save_runs(done: Sweep, path: str | os.PathLike[str]) -> None:
     extent = _extent(runs["reference"].positions[numbers] - track.positions[numbers][:, :1])
     blueprint = _layout(done, list(runs), extent, plane_paths(standard.scene.colliders))
     room = int(2.0 * min(size, MOST_BYTES))
-    with recording_file(path, application="cape report", name=standard.name, blueprint=blueprint, size=room) as file:
+    with recording_file(path, name=standard.name, opening=lambda: ("cape report", blueprint), size=room) as file:
         log_character(file.stream, track, shown)
         log_hitboxes(file.stream, track, standard.scene.colliders, shown)
         for name, run in runs.items():
