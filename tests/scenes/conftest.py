@@ -1,5 +1,0 @@
-"""Fixtures of the scenes' tests."""
-
-from tests.commands.conftest import forks
-
-__all__ = ["forks"]
