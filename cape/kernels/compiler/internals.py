@@ -7,6 +7,7 @@ from importlib.metadata import version
 USED = (
     "numba.core.codegen:JITCodeLibrary._optimize_functions",
     "numba.core.codegen:JITCodeLibrary._get_module_for_linking",
+    "numba.core.codegen:JITCPUCodegen._customize_tm_features",
     "numba.core.codegen:JITCPUCodegen._module_pass_manager",
     "numba.core.cgutils:normalize_ir_text",
     "numba.core.compiler:Flags",

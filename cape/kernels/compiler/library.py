@@ -16,7 +16,8 @@ from numba.core import cgutils, codegen, compiler, types
 from numba.core.compiler_lock import global_compiler_lock
 
 from cape.kernels.compiler.kinds import NUMBERS, type_of
-from cape.kernels.compiler.typing import Typing, lower, target
+from cape.kernels.compiler.processor import CODEGEN, machine
+from cape.kernels.compiler.typing import Typing, lower
 from cape.kernels.jit import Function
 from cape.kernels.packing import GroupKind, Kind
 
@@ -110,7 +111,7 @@ def made(function: Function, arguments: tuple[types.Type, ...]) -> Made:
         flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
         flags.error_model = "numpy"
         flags.noalias, flags.forceinline = function.noalias, function.inline
-        library = Library(target.codegen(), function.python.__qualname__)
+        library = Library(CODEGEN, function.python.__qualname__)
         known = function.made[arguments] = Made(library, *lower(function.python, arguments, flags, library, _typing))
     return known
 
@@ -143,11 +144,6 @@ def _machine_code(function: Function, kinds: tuple[Kind, ...], spread: bool) -> 
     whole = made(function, tuple(type_of(kind) for kind in kinds))
     module = whole.library.link_and_optimise()
     return whole.description.llvm_func_name, _returned(whole.signature.return_type), machine().emit_object(module)
-
-
-def machine() -> llvm.TargetMachine:
-    """What writes machine code for this processor."""
-    return target.codegen()._tm
 
 
 def _returned(kind: types.Type) -> Any:

@@ -19,6 +19,7 @@ from numba.core.typing.templates import signature
 from cape.kernels.compiler.arrays import PassedArray
 from cape.kernels.compiler.kinds import FunctionType, IntrinsicType
 from cape.kernels.compiler.lowering import NativeLowering, comparison_of
+from cape.kernels.compiler.processor import CODEGEN
 
 _Target: Any = type(cpu_target.target_context)
 
@@ -40,6 +41,7 @@ target.__dict__ = {
     **_numbas.__dict__,
     "data_model_manager": DataModelManager({types.Array: PassedArray}).chain(default_manager),
     "cached_internal_func": {},
+    "_internal_codegen": CODEGEN,
 }
 
 
