@@ -23,18 +23,23 @@ IntArray = NDArray[np.int64]
 
 
 class Rows(NamedTuple):
-    """Where items, owned by one of their vertices, stand: `item` (L,) is at `row` of `total` rows, below `owner`."""
+    """Where items, owned by one of their vertices, stand: `item` (L,) is at `row` of `total` rows, below `owner`.
+
+    `used` are the rows of each block in which any item stands, shape (blocks,).
+    """
 
     item: IntArray
     row: IntArray
     owner: IntArray
     total: int
+    used: IntArray
 
 
 def mesh_springs_record(springs: Springs, vertices: int, dtype: type[np.floating]) -> MeshSprings:
     """Lay out the springs of a mesh in a solver's precision."""
     pairs, rows = _share_out(np.stack([springs.first, springs.second], axis=1), vertices)
     return MeshSprings(
+        rows=rows.used,
         second=_table(rows, pairs[:, 1], np.arange(vertices), np.uint32),
         stiffness=_table(rows, springs.stiffness, np.zeros(vertices), dtype),
         rest=_table(rows, springs.rest, np.ones(vertices), dtype),
@@ -158,7 +163,7 @@ def _share_out(items: IntArray, vertices: int) -> tuple[IntArray, Rows]:
     """
     depth = int(np.bincount(items.ravel(), minlength=vertices).max())
     owned, count = np.full((vertices, depth), len(items), dtype=np.int64), np.zeros(vertices, dtype=np.int64)
-    share_items(items, owned, count, *(np.zeros(vertices, dtype=np.int64) for _ in range(4)))
+    share_items(items, BLOCK, owned, count, *(np.zeros(vertices, dtype=np.int64) for _ in range(5)))
     owned[np.arange(depth) >= count[:, None]] = len(items)
     owned.sort(axis=1)
     owner, row = np.nonzero(owned < len(items))
@@ -168,7 +173,8 @@ def _share_out(items: IntArray, vertices: int) -> tuple[IntArray, Rows]:
     turned[item] = np.take_along_axis(
         items[item], (place[:, None] + np.arange(items.shape[1])) % items.shape[1], axis=1
     )
-    return turned, Rows(item, row, owner, int(row.max()) + 1)
+    used = np.maximum.reduceat(count, np.arange(0, vertices, BLOCK))
+    return turned, Rows(item, row, owner, int(row.max()) + 1, used)
 
 
 def _table(rows: Rows, values: NDArray[Any], blank: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:

@@ -36,14 +36,15 @@ NEXT = np.uint64(BLOCK)  # from one component of a force to the next
 class MeshSprings(NamedTuple):
     """Links between vertices of a mesh, each owned by one end: D rows for each block of vertices.
 
-    `second`, the other ends, `stiffness` [N/m] and `rest` [m] of their springs, 0 and 1 for no spring, (blocks, D,
-    BLOCK); `sorted_vertices` (N,), those of each block by the number of links that others own, `start` (slices + 1,)
-    and `incoming`, for each of them in slices the places of those links in `forces`. Room: `words` for coordinates with
-    their velocities (3, N); `room` for a block's own ends, other ends and sums, each rank using the line of its first
-    block; `forces` on the other ends [N], flat, three components of BLOCK for each row of each block and of a row of
-    zeros, for padding.
+    `rows` (blocks,) of them are used; `second`, the other ends, `stiffness` [N/m] and `rest` [m] of their springs, 0
+    and 1 for no spring, (blocks, D, BLOCK); `sorted_vertices` (N,), those of each block by the number of links that
+    others own, `start` (slices + 1,) and `incoming`, for each of them in slices the places of those links in `forces`.
+    Room: `words` for coordinates with their velocities (3, N); `room` for a block's own ends, other ends and sums, each
+    rank using the line of its first block; `forces` on the other ends [N], flat, three components of BLOCK for each row
+    of each block and of a row of zeros, for padding.
     """
 
+    rows: Indices
     second: NDArray[np.uint32]
     stiffness: Array
     rest: Array
@@ -108,8 +109,8 @@ def pull_all(g, damping, lo, hi):
     """Pass on what `pull` needs."""
     s, springs, f = g.state, g.springs, g.forces
     pull(
-        lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, springs.words, springs.second, springs.stiffness, springs.rest,
-        damping_of(damping, s.x), s.x.dtype.type(1e-18), springs.room, springs.forces, f[0], f[1], f[2],
+        lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, springs.words, springs.rows, springs.second, springs.stiffness,
+        springs.rest, damping_of(damping, s.x), s.x.dtype.type(1e-18), springs.room, springs.forces, f[0], f[1], f[2],
     )  # fmt: skip
 
 
@@ -161,7 +162,7 @@ def interleave(n, p, v, packed):
 
 @kernel
 def pull(
-    lo, hi, x, y, z, vx, vy, vz, words, second, stiffness, rest, damping, tiny, room, forces, fx, fy, fz
+    lo, hi, x, y, z, vx, vy, vz, words, used, second, stiffness, rest, damping, tiny, room, forces, fx, fy, fz
 ):  # fmt: skip
     """Compute the links of vertices lo to hi: set `f` to the forces on their owners, `forces` on the other ends [N]."""
     ends = room[lo // BLOCK]
@@ -176,7 +177,7 @@ def pull(
         take(n, vx[start:], vy[start:], vz[start:], own[3 * BLOCK :])
         for i in range(3 * BLOCK):
             total[i] = 0
-        for d in range(rows):
+        for d in range(used[block]):
             fetch(second[block, d], words[0], words[1], words[2], ends)
             pull_row(
                 numbers, own, stiffness[block, d], rest[block, d], damping, tiny,

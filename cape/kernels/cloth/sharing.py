@@ -4,12 +4,13 @@ from cape.kernels.jit import routine
 
 
 @routine
-def share_items(items, owned, count, giver, taken, seen, queue):
+def share_items(items, block, owned, count, most, giver, taken, seen, queue):
     """Give each item (L, m) to one of its m vertices; filled are `owned` (V, D), items by owner, and `count` (V,).
 
     Each goes to whoever owns least; then whoever owns more than the mean, rounded up, passes items on along the
-    shortest way to one who owns less. `giver`, `taken`, `seen` and `queue` (V,) are room; D is the largest number of
-    items at a vertex.
+    shortest way to one who owns less. At last as many blocks, of `block` vertices, as can let none of them own more
+    than one less. `most` (V,) that each may own, `giver`, `taken`, `seen` and `queue` (V,) are room; D is the largest
+    number of items at a vertex.
     """
     vertices = count.size
     count[:] = 0
@@ -21,18 +22,33 @@ def share_items(items, owned, count, giver, taken, seen, queue):
                 owner = items[item, place]
         owned[owner, count[owner]] = item
         count[owner] += 1
-    most = (items.shape[0] + vertices - 1) // vertices
+    most[:] = (items.shape[0] + vertices - 1) // vertices
     search = 0
     for vertex in range(vertices):
-        while count[vertex] > most:
+        while count[vertex] > most[vertex]:
             if not pass_on(vertex, search, most, items, owned, count, giver, taken, seen, queue):
-                most += 1
+                add(1, most, 0, vertices)
             search += 1
+    for start in range(0, vertices, block):
+        end = min(start + block, vertices)
+        add(-1, most, start, end)
+        for vertex in range(start, end):
+            while count[vertex] > most[start]:
+                if not pass_on(vertex, search, most, items, owned, count, giver, taken, seen, queue):
+                    add(1, most, start, end)
+                search += 1
+
+
+@routine
+def add(change, most, start, end):
+    """Let some vertices own more, or less."""
+    for vertex in range(start, end):
+        most[vertex] += change
 
 
 @routine
 def pass_on(vertex, search, most, items, owned, count, giver, taken, seen, queue):
-    """Take one item from a vertex, in a chain that ends at one who owns less than `most`; False if there is none.
+    """Take one item from a vertex, in a chain that ends at one who owns less than `most` (V,); False if there is none.
 
     `seen` tells in which search a vertex was last reached, `giver` from whom, and `taken` with which item.
     """
@@ -48,7 +64,7 @@ def pass_on(vertex, search, most, items, owned, count, giver, taken, seen, queue
                 if seen[to] == search:
                     continue
                 seen[to], giver[to], taken[to] = search, from_vertex, item
-                if count[to] >= most:
+                if count[to] >= most[to]:
                     queue[length] = to
                     length += 1
                     continue

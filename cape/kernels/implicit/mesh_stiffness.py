@@ -69,7 +69,7 @@ def add_scaled(scale, values, out):
 def multiply_mesh(g, team, substep, substeps, b):
     """Add the product of p with a mesh's links to q."""
     p, q, lo, hi = g.matrix.vectors[3], g.matrix.vectors[4], team.lo, team.hi
-    multiply_links(lo, hi, g.springs.second, g.coefficients, p[0], p[1], p[2], g.ends, q[0], q[1], q[2])
+    multiply_links(lo, hi, g.springs.rows, g.springs.second, g.coefficients, p[0], p[1], p[2], g.ends, q[0], q[1], q[2])
     meet(team)
     gather(lo, hi, g.springs, g.ends, q[0], q[1], q[2])
 
@@ -79,7 +79,7 @@ def linearise_mesh(g, team, substep, substeps, b):
     """Find w and c of a mesh's links."""
     s, links, dtype = g.state, g.springs, g.state.x.dtype.type
     linearise_links(
-        team.lo, team.hi, s.x, s.y, s.z, links.second, links.stiffness, links.rest,
+        team.lo, team.hi, s.x, s.y, s.z, links.rows, links.second, links.stiffness, links.rest,
         dtype(damped(g.matrix.damping, b)), dtype(1e-18), g.coefficients,
     )  # fmt: skip
 
@@ -88,23 +88,23 @@ def linearise_mesh(g, team, substep, substeps, b):
 def add_mesh_diagonal(g, team, substep, substeps, b):
     """Add a mesh's links to the block diagonal."""
     lo, hi, blocks = team.lo, team.hi, g.matrix.inverse
-    keep_entries(lo, hi, g.coefficients, g.ends, None, blocks[0], blocks[1], blocks[2])
+    keep_entries(lo, hi, g.springs.rows, g.coefficients, g.ends, None, blocks[0], blocks[1], blocks[2])
     meet(team)
     gather(lo, hi, g.springs, g.ends, blocks[0], blocks[1], blocks[2])
     meet(team)
-    keep_entries(lo, hi, g.coefficients, g.ends, True, blocks[3], blocks[4], blocks[5])
+    keep_entries(lo, hi, g.springs.rows, g.coefficients, g.ends, True, blocks[3], blocks[4], blocks[5])
     meet(team)
     gather(lo, hi, g.springs, g.ends, blocks[3], blocks[4], blocks[5])
     meet(team)
 
 
 @kernel
-def linearise_links(lo, hi, x, y, z, second, stiffness, rest, stretched, tiny, coefficients):
+def linearise_links(lo, hi, x, y, z, used, second, stiffness, rest, stretched, tiny, coefficients):
     """Fill w and c of the links that vertices lo to hi own."""
     for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
         start = block * BLOCK
         own_x, own_y, own_z = x[start:], y[start:], z[start:]
-        for d in range(second.shape[1]):
+        for d in range(used[block]):
             others, k, rests = second[block, d], stiffness[block, d], rest[block, d]
             w = coefficients[block, d]
             for i in range(min(BLOCK, hi - start)):
@@ -115,14 +115,14 @@ def linearise_links(lo, hi, x, y, z, second, stiffness, rest, stretched, tiny, c
 
 
 @kernel
-def multiply_links(lo, hi, second, coefficients, px, py, pz, ends, qx, qy, qz):
+def multiply_links(lo, hi, used, second, coefficients, px, py, pz, ends, qx, qy, qz):
     """Add the links of vertices lo to hi times p to q at their owners, keep the opposite for their other ends."""
     rows = second.shape[1]
     for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
         start = block * BLOCK
         ox, oy, oz = px[start:], py[start:], pz[start:]
         sx, sy, sz = qx[start:], qy[start:], qz[start:]
-        for d in range(rows):
+        for d in range(used[block]):
             others, w, kept = second[block, d], coefficients[block, d], ends[(block * rows + d) * ENDS :]
             for i in range(BLOCK):
                 j = others[i]
@@ -138,13 +138,13 @@ def multiply_links(lo, hi, second, coefficients, px, py, pz, ends, qx, qy, qz):
 
 
 @kernel
-def keep_entries(lo, hi, coefficients, ends, mixed, a, b, c):
+def keep_entries(lo, hi, used, coefficients, ends, mixed, a, b, c):
     """Add three `entries` of the blocks of the links of vertices lo to hi there, and keep them for the other ends."""
     rows = coefficients.shape[1]
     for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
         start = block * BLOCK
         own_a, own_b, own_c = a[start:], b[start:], c[start:]
-        for d in range(rows):
+        for d in range(used[block]):
             w, kept = coefficients[block, d], ends[(block * rows + d) * ENDS :]
             for i in range(BLOCK):
                 x, y, z = entries(w[0, i], w[1, i], w[2, i], w[3, i], mixed)
