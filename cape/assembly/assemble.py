@@ -225,18 +225,6 @@ def inertia_of(assembly: Assembly, dtype: type[np.floating]) -> Inertia:
     )
 
 
-def longest_threads(assembly: Assembly, dtype: type[np.floating]) -> NDArray[np.floating] | None:
-    """How long the threads may get [m] that lead from each vertex of a grid to the right, and down, shape (2, N).
-
-    None in a scene that does not limit strain. What would leave the grid means nothing.
-    """
-    families, fabric = assembly.springs.families, assembly.cloth.fabric
-    if not assembly.scene.strain_limit or families is None:
-        return None
-    limits = np.array([[fabric.limit_weft], [fabric.limit_warp]])
-    return ((1.0 + limits) * families.rest[:2]).astype(dtype)
-
-
 def force_scratch(assembly: Assembly, dtype: type[np.floating]) -> tuple[GridRoom | None, ...]:
     """Scratch of the forces for each thread; None where they need none of their own.
 
