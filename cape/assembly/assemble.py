@@ -192,7 +192,7 @@ def assemble(
         pull=pull_of(scene, soft, mass),
         rails=rails_of(scene, sliding),
         confined=confined_of(scene, cloth, vertices, np.arange(cloth.vertices) if order is None else np.argsort(order)),
-        tethers=tethers_of(scene, cloth, attached),
+        tethers=tethers_of(scene, cloth, springs, attached),
         wind=np.array((0.0, 0.0, 0.0) if stream or scene.wind is None else scene.wind.velocity, dtype=float),
         stream=stream,
         ranks=tuple(

@@ -77,11 +77,12 @@ def pull_of(scene: Scene, holds: list[Hold], mass: FloatArray) -> Pull | None:
     return Pull(attached, np.concatenate(stiffness), np.concatenate(damping), goals, speeds)
 
 
-def tethers_of(scene: Scene, cloth: Cloth, attached: Attached | None) -> Tethers | None:
+def tethers_of(scene: Scene, cloth: Cloth, springs: Springs, attached: Attached | None) -> Tethers | None:
     """The tethers to what is held hard; None for none."""
     if scene.tethers is None or attached is None:
         return None
-    return tethers_along(scene.tethers, *geodesic_distances(cloth, attached.vertices), attached.vertices)
+    distances, nearest = geodesic_distances(cloth, attached.vertices, springs=springs)
+    return tethers_along(scene.tethers, distances, nearest, attached.vertices)
 
 
 def tethers_along(tethers: TethersAsked, distances: FloatArray, nearest: IntArray, held: IntArray) -> Tethers:

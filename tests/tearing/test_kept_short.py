@@ -15,7 +15,7 @@ from cape.assembly.geodesics import geodesic_distances
 from cape.assembly.self_contact import connected_pieces
 from cape.cloth.meshing import as_mesh
 from cape.run.strain_limit import LEFT
-from tests.tearing.to_tear import still
+from tests.tearing.to_tear import IDENTITY, still
 
 LIMIT, SLACK, G = 0.03, 0.01, 9.81
 FRAME, SUBSTEPS = 1 / 60, 40
@@ -28,11 +28,18 @@ CLOTHS = {"grid": GRID, "mesh": as_mesh(GRID)}
 BOTH = {"strain_limit": True, "tethers": cape.Tethers(slack=SLACK)}
 
 
-def hung(kind: str, *, threads: int = 1, **keeping) -> cape.Simulation:
+def hung(
+    kind: str,
+    *,
+    threads: int = 1,
+    solver: cape.Solver | None = None,
+    ledger: cape.Ledger | None = None,
+    **keeping,
+) -> cape.Simulation:
     cloth = CLOTHS[kind]
     scene = cape.Scene(cloth, [cape.attach(cloth, "rod", "top")], tearing=cape.Tearing(strain=1e3), **keeping)
-    solver = cape.SymplecticEuler(substeps=SUBSTEPS, precision="double")
-    simulation = cape.Simulation(scene, solver=solver, threads=threads)
+    solver = solver or cape.SymplecticEuler(substeps=SUBSTEPS, precision="double")
+    simulation = cape.Simulation(scene, solver=solver, threads=threads, ledger=ledger)
     simulation.start(still("rod"))
     return simulation
 
@@ -72,18 +79,19 @@ def torn(kind: str, threads: int = 1) -> tuple[cape.Simulation, list[tuple[float
     the middle of what comes off, frame by frame from then on.
     """
     simulation = hung(kind, threads=threads, **BOTH)
-    kept, fallen = [], []
+    kept, fallen, along = [], [], ways(simulation)
     for frame in range(40):
         for cut, at in ((SLIT, 10), (SLIT_DOWN, 15), (REST, 20)):
             if frame == at:
                 simulation.tear(cut)
+                along = ways(simulation)
         off, mass = loose(simulation), simulation.assembly.outwards(simulation.assembly.mass)
         if off.any():
             state = np.hstack([simulation.positions, simulation.velocities])[off]
             fallen.append(mass[off] @ state / mass[off].sum())
         simulation.step(still("rod"), FRAME)
         away = np.linalg.norm(simulation.positions[:, None] - simulation.positions[GRID.regions["top"]], axis=2)
-        beyond = away.min(axis=1) - (1.0 + SLACK) * ways(simulation)
+        beyond = away.min(axis=1) - (1.0 + SLACK) * along
         kept.append((strain(simulation, ~off), float(beyond[~off].max())))
     return simulation, kept, fallen
 
@@ -123,6 +131,64 @@ def test_threads_of_a_team_tear_it_alike(kind):
     one, two = torn(kind)[0], torn(kind, threads=2)[0]
     assert np.array_equal(one.positions, two.positions)
     assert np.array_equal(one.topology.triangles, two.topology.triangles)
+
+
+@pytest.mark.parametrize("solver", [cape.XPBD(substeps=SUBSTEPS), cape.BackwardEuler(substeps=8)])
+def test_other_solvers_let_go_of_it_too(solver: cape.Solver):
+    simulation = hung("grid", solver=solver, **BOTH)
+    strains, fallen = [], []
+    for frame in range(20):
+        for cut, at in ((SLIT, 4), (REST, 8)):
+            if frame == at:
+                simulation.tear(cut)
+        off, mass = loose(simulation), simulation.assembly.outwards(simulation.assembly.mass)
+        if off.any():
+            fallen.append(mass[off] @ np.stack([simulation.positions, simulation.velocities])[:, off, 2].T)
+            fallen[-1] /= mass[off].sum()
+        simulation.step(still("rod"), FRAME)
+        strains.append(strain(simulation, ~off))
+    assert solver.substeps is not None
+    assert 0.99 * LIMIT < max(strains) < LIMIT + LEFT
+    time = FRAME * (len(fallen) - 1)
+    # Both are of first order, ahead as symplectic Euler is; positions are in single precision.
+    drop = G * (time**2 + time * FRAME / solver.substeps) / 2.0
+    assert fallen[-1][0] == pytest.approx(fallen[0][0] + time * fallen[0][1] - drop, abs=1e-5)
+
+
+def drawn_apart(kind: str, threads: int, force: float) -> cape.Simulation:
+    """One that is held by two ends, which part until it does."""
+    cloth = CLOTHS[kind]
+    holds = [cape.attach(cloth, "rod", "top"), cape.attach(cloth, "hook", "bottom")]
+    keeping = {"strain_limit": True, "tethers": cape.Tethers(slack=0.2)}
+    simulation = cape.Simulation(
+        cape.Scene(cloth, holds, tearing=cape.Tearing(force=force), **keeping), threads=threads
+    )
+    simulation.start(still("rod", "hook"))
+    for frame in range(1, 20):
+        simulation.step({**still("rod"), "hook": ([0.0, 0.0, -0.003 * frame], IDENTITY)}, FRAME)
+    return simulation
+
+
+def test_it_parts_by_itself_below_its_limit_the_same_on_all_threads():
+    # 6 N/m times 2 %.
+    one, two = (drawn_apart("grid", threads, 0.12) for threads in (1, 2))
+    assert one.tears == two.tears >= COLUMNS - 1
+    assert np.array_equal(one.positions, two.positions)
+    assert strain(one) < LIMIT + LEFT
+
+
+def test_a_ledger_closes_where_what_is_kept_short_tears():
+    ledger = cape.Ledger()
+    simulation = hung("grid", ledger=ledger, **BOTH)
+    for frame in range(20):
+        for cut, at in ((SLIT, 4), (REST, 12)):
+            if frame == at:
+                simulation.tear(cut)
+        simulation.step(still("rod"), FRAME)
+    balance = ledger.balance
+    assert balance.limit[-1] < 0.0
+    assert balance.gap < 1e-3
+    assert balance.moved[-1] == pytest.approx(-simulation.released, rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize("kind", CLOTHS)
