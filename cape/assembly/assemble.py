@@ -192,7 +192,7 @@ def assemble(
         pull=pull_of(scene, soft, mass),
         rails=rails_of(scene, sliding),
         confined=confined_of(scene, cloth, vertices, np.arange(cloth.vertices) if order is None else np.argsort(order)),
-        tethers=tethers_of(scene, cloth, attached),
+        tethers=tethers_of(scene, cloth, springs, attached),
         wind=np.array((0.0, 0.0, 0.0) if stream or scene.wind is None else scene.wind.velocity, dtype=float),
         stream=stream,
         ranks=tuple(
@@ -223,18 +223,6 @@ def inertia_of(assembly: Assembly, dtype: type[np.floating]) -> Inertia:
         free=assembly.free.astype(dtype),
         gravity=np.array(assembly.scene.gravity, dtype=float),
     )
-
-
-def longest_threads(assembly: Assembly, dtype: type[np.floating]) -> NDArray[np.floating] | None:
-    """How long the threads may get [m] that lead from each vertex of a grid to the right, and down, shape (2, N).
-
-    None in a scene that does not limit strain. What would leave the grid means nothing.
-    """
-    families, fabric = assembly.springs.families, assembly.cloth.fabric
-    if not assembly.scene.strain_limit or families is None:
-        return None
-    limits = np.array([[fabric.limit_weft], [fabric.limit_warp]])
-    return ((1.0 + limits) * families.rest[:2]).astype(dtype)
 
 
 def force_scratch(assembly: Assembly, dtype: type[np.floating]) -> tuple[GridRoom | None, ...]:

@@ -41,7 +41,7 @@ def chain_of(assembly: Assembly) -> Chain:
     held = np.unique(np.concatenate([np.flatnonzero(~assembly.free), *(c.vertices for c in assembly.carried)]))
     spacing = float(np.median(springs.rest[springs.measured]))
     if len(held):
-        distances, _ = geodesic_distances(cloth, held)
+        distances, _ = geodesic_distances(cloth, held, springs=springs)
         length = float(distances[np.isfinite(distances)].max())
     else:
         length = 0.5 * spacing * math.sqrt(cloth.vertices)

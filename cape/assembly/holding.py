@@ -15,6 +15,7 @@ from cape.kernels.solve.slide import Rails
 from cape.kernels.solve.soft import Pull
 from cape.kernels.solve.tethers import Tethers
 from cape.scene.holding.attachments import Attachment
+from cape.scene.holding.tethers import Tethers as TethersAsked
 from cape.scene.scene import Scene
 
 FloatArray = NDArray[np.float64]
@@ -76,13 +77,19 @@ def pull_of(scene: Scene, holds: list[Hold], mass: FloatArray) -> Pull | None:
     return Pull(attached, np.concatenate(stiffness), np.concatenate(damping), goals, speeds)
 
 
-def tethers_of(scene: Scene, cloth: Cloth, attached: Attached | None) -> Tethers | None:
+def tethers_of(scene: Scene, cloth: Cloth, springs: Springs, attached: Attached | None) -> Tethers | None:
     """The tethers to what is held hard; None for none."""
     if scene.tethers is None or attached is None:
         return None
-    distances, nearest = geodesic_distances(cloth, attached.vertices)
-    nearest[attached.vertices] = -1
-    return Tethers(nearest, (1.0 + scene.tethers.slack) * distances)
+    distances, nearest = geodesic_distances(cloth, attached.vertices, springs=springs)
+    return tethers_along(scene.tethers, distances, nearest, attached.vertices)
+
+
+def tethers_along(tethers: TethersAsked, distances: FloatArray, nearest: IntArray, held: IntArray) -> Tethers:
+    """The tethers of vertices at some distances [m] (N,) from the nearest (N,) of those that are held (h,)."""
+    anchor = nearest.copy()
+    anchor[held] = -1
+    return Tethers(anchor, (1.0 + tethers.slack) * distances)
 
 
 def ties_of(cloth: Cloth, springs: Springs, attached: Attached) -> Ties:

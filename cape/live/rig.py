@@ -202,7 +202,7 @@ class Rig:
         """The scene as it is, of a cloth that can be torn."""
         if self.scene.tearing is not None:
             return self.scene
-        return replace(self.scene, tearing=BY_HAND, strain_limit=False, tethers=None)
+        return replace(self.scene, tearing=BY_HAND)
 
     def with_pin(self, scene: Scene, vertices: NDArray[np.int64], name: str) -> tuple[Scene, bool]:
         """A scene with some vertices pinned where they are, or let go where any is held; whether they are pinned.

@@ -4,7 +4,7 @@ Gathered from papers on cloth and from the issue trackers of simulators; `Case.a
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,14 @@ from cape.scene.holding.attachments import attach
 from cape.scene.jumps import Cuts
 from cape.scene.scene import Scene
 from cape.scene.standard_scenes import StandardScene, frame_times, track_of
+from cape.scene.tearing_scenes import torn
 from skeleton.shapes import Capsule
 
 FloatArray = NDArray[np.float64]
 Disturbed = Callable[[np.random.Generator, FloatArray], FloatArray]
 
 JITTER = 1e-6  # m, by which repeats differ
+BALL_STOPS = 1.0  # s at which a ball that tears a sheet does, long after it has come through
 
 
 def jittered(rng: np.random.Generator, positions: FloatArray) -> FloatArray:
@@ -263,6 +265,15 @@ def _on_the_floor() -> StandardScene:
     )
 
 
+def _torn() -> StandardScene:
+    """The scene of that name, but for the ball, which stops 4 m below, so that what is left can come to rest."""
+    standard = torn(spacing=0.05)
+    track, places = standard.track, standard.track.positions.copy()
+    falls = track.times <= BALL_STOPS
+    places[~falls] = places[falls][-1]
+    return replace(standard, track=replace(track, positions=places))
+
+
 _CASES = (
     Case("stiff", "1e8 N/m, undamped, hanging", _stiff),
     Case(
@@ -300,6 +311,7 @@ _CASES = (
     Case("draped", "over a plate with sharp edges", _draped),
     Case("cantilever", "of stiff cloth, held level by one end", _cantilever),
     Case("crowded", "falls among a thousand balls", _crowded),
+    Case("torn", "by a ball of 30 cm that falls through it", _torn, after=BALL_STOPS),
 )
 
 CASES = {case.name: case for case in _CASES}

@@ -67,6 +67,6 @@ FULL = Plan(
 # These cases compile nothing that the scenes do not, and take little time.
 FREE = ("crumpled", "flattened", "twisted", "teleported", "half a turn", "light", "shaken", "jerky")
 QUICK = Plan(
-    scenes=("swing", "walk"), every=2, repeats=3, seconds=1.5, scene_s=10.0, cases=FREE, case_repeats=2,
+    scenes=("swing", "walk"), every=2, repeats=3, seconds=1.5, scene_s=10.0, cases=(*FREE, "torn"), case_repeats=2,
     world=("pendulum",),
 )  # fmt: skip

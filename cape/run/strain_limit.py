@@ -1,9 +1,13 @@
 """Threads under a limit of strain, from frame to frame: if shorter steps would help, or it can't be kept at all."""
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
+from cape.assembly.springs import Springs
 from cape.kernels.calling import Bound
 from cape.kernels.cloth.measure import is_strained
 from cape.kernels.state import State
@@ -15,18 +19,18 @@ TORN = 0.1  # strain beyond their limit at which a few threads bear what others 
 class StrainLimit:
     """The threads of a cloth at a state, which may change in place; those that are held at both ends don't count."""
 
-    def __init__(self, assembly: Assembly, state: State, longest: NDArray[np.floating] | None) -> None:
+    def __init__(self, assembly: Assembly, state: State, longest: Sequence[NDArray[np.floating]]) -> None:
         """Choose the threads of a scene that limits strain; of others none.
 
-        `longest`, of a grid (2, N), of a mesh (n,), is what steps let them be [m], None where nothing limits them.
+        `longest`, arrays of any shape, is what steps let them be [m]; none where nothing limits them.
         """
         springs, free, fabric = assembly.springs, assembly.free, assembly.cloth.fabric
-        chosen = springs.measured & (free[springs.first] | free[springs.second])
+        self._chosen = chosen = springs.measured & (free[springs.first] | free[springs.second])
         self._first, self._second, self._rest = springs.first[chosen], springs.second[chosen], springs.rest[chosen]
         self._most = float(max(fabric.limit_warp, fabric.limit_weft)) + LEFT
         self._state, self._colliders = state, assembly.contacts.colliders
-        self._longest, self._usual = longest, None if longest is None else longest.copy()
-        self._acts = longest is not None
+        self._longest, self._usual = longest, [each.copy() for each in longest]
+        self._acts = len(longest) > 0
         self._any = Bound(is_strained, *state[:3], self._first, self._second, self._rest, self._most)
 
     @property
@@ -36,9 +40,20 @@ class StrainLimit:
 
     @acts.setter
     def acts(self, acts: bool) -> None:
-        if self._longest is not None and self._usual is not None and acts != self._acts:
-            self._longest[:] = self._usual if acts else np.inf
+        if self._longest and acts != self._acts:
+            for now, usual in zip(self._longest, self._usual, strict=True):
+                now[:] = usual if acts else np.inf
             self._acts = acts
+
+    @contextmanager
+    def refitted(self, springs: Springs) -> Iterator[None]:
+        """Let what threads may get to be changed within, and know which vertices these lead to then."""
+        acts, self.acts = self._acts, True
+        yield
+        for now, usual in zip(self._longest, self._usual, strict=True):
+            usual[:] = now
+        self._first[:], self._second[:] = springs.first[self._chosen], springs.second[self._chosen]
+        self.acts = acts
 
     def too_long(self) -> bool:
         """Tell whether the limit has left threads too long that shorter steps may shorten: that no two limbs pinch."""

@@ -75,8 +75,7 @@ class Scene:
             UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
             ValueRangeError: an attachment is of another cloth, a vertex is attached or confined twice, two colliders
                 share a name or there are too many, a value is out of range, strain is to be limited in a mesh of
-                unknown threads, something goes by what is held and nothing is, or a cloth that tears is to be kept
-                from it otherwise.
+                unknown threads, or something goes by what is held and nothing is.
         """
         for attachment in self.attachments:
             _require_of(self.cloth, attachment)
@@ -96,13 +95,6 @@ class Scene:
             raise ValueRangeError("a bound by the distance from what is held needs an attachment")
         if self.strain_limit and not self.cloth.has_threads:
             raise ValueRangeError("only threads have a strain limit: this cloth is a mesh that does not tell its own")
-        keeping = {
-            "a strain limit": self.strain_limit,
-            "tethers": self.tethers is not None,
-        }
-        if self.tearing is not None and any(keeping.values()):
-            kept = " and ".join(name for name, there in keeping.items() if there)
-            raise ValueRangeError(f"a cloth that tears must bear its own load: leave out {kept}, or the tearing")
         for name in ("friction", "thickness"):
             if not 0.0 <= getattr(self, name) <= LARGEST_NUMBER:
                 raise ValueRangeError(f"{name} must be zero or more and finite, not {getattr(self, name)}")

@@ -13,6 +13,8 @@ class Tearing:
 
     Both are measured as means over the cells or triangles around a vertex, so that in cloth that is drawn evenly
     neither depends on the spacing. At the tip of a tear, where tension has no bound, a finer cloth tears on at less.
+    What a limit of strain, or tethers, take over from threads does not count: beyond the limit these part only where it
+    can't be kept.
 
     Attributes:
         strain: of a thread at which it parts (0.2 is 20 %); None for any.

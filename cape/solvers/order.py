@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.cloth import GridCloth
+from cape.cloth.split_grid import SplitGrid
 from cape.forces.base import Acting, Force
 from cape.kernels.bones import MovingBones, begin_motion, move_on
 from cape.kernels.cloth.grid import GridRoom
@@ -69,7 +70,10 @@ from cape.kernels.solve.slide import Sliding, slide
 from cape.kernels.solve.soft import Aiming, aim_pull
 from cape.kernels.solve.strain_limit import Limited, limit_across, limit_down
 from cape.kernels.solve.tethers import Tethered, keep_tethered
+from cape.kernels.tearing.limit import LimitedStrays, limit_strays
 from cape.solvers.running import Thread
+
+ROUNDS = 2  # over threads that have split off a grid and those left in it, which draw on each other, in a substep
 
 
 class Order(NamedTuple):
@@ -194,8 +198,11 @@ def _limit_strain(thread: Thread) -> list[Use]:
     running, cloth, colliders = thread.running, thread.running.assembly.cloth, thread.contacts.colliders
     limiting = wait(thread)
     if running.longest is not None and isinstance(cloth, GridCloth):
-        limited = Limited(running.state, thread.inverse_mass, running.longest, cloth.rows, cloth.columns)
-        limiting += [Use(limit_down, limited), *wait(thread), Use(limit_across, limited)]
+        whole = cloth.whole if isinstance(cloth, SplitGrid) else cloth
+        limited = Limited(running.state, thread.inverse_mass, running.longest, whole.rows, whole.columns)
+        within = [Use(limit_down, limited), *wait(thread), Use(limit_across, limited)]
+        strays = _limit_strays(thread)
+        limiting += within if not strays else [*(use for _ in range(ROUNDS) for use in (*strays, *within)), *strays]
     elif running.links is None:
         return []
     elif thread.is_first:
@@ -208,6 +215,15 @@ def _limit_strain(thread: Thread) -> list[Use]:
         return [*uses, *limiting]
     drawing = Drawing(running.state, running.drawn, colliders)
     return [*uses, Use(begin_drawing, drawing), *limiting, Use(end_drawing, drawing)]
+
+
+def _limit_strays(thread: Thread) -> list[Use]:
+    """Keep threads short that lead to what has split off a grid, as one thread of the team sees to them."""
+    running = thread.running
+    if running.strays is None:
+        return []
+    strays = LimitedStrays(running.state, thread.inverse_mass, running.strays)
+    return [*wait(thread), *([Use(limit_strays, strays)] if thread.is_first else []), *wait(thread)]
 
 
 def _confine(thread: Thread) -> list[Use]:

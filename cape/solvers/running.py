@@ -5,8 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.assemble import Assembly, longest_threads
+from cape.assembly.assemble import Assembly
 from cape.assembly.contact import Contacts
+from cape.assembly.grid.limits import longest_threads, stray_links
 from cape.assembly.mesh.limits import limited_links
 from cape.kernels.bones import Motion, MotionRoom
 from cape.kernels.contact.drawn import Drawn
@@ -22,6 +23,7 @@ class Running:
         state: of the vertices, which steps change in place.
         arrays: the solver's own.
         longest: that threads of a grid may get [m], shape (2, N); None where nothing limits their strain.
+        strays: those of a grid that lead to what has split off; None where none can, or nothing limits strain.
         links: those of a mesh that may get no longer than they are told to; None where nothing limits strain.
         drawn: what a limit of strain does to vertices that contact stops.
         motion: of the bones in a frame, filled anew for each.
@@ -33,6 +35,7 @@ class Running:
         """Hold the arrays; programs are made with the first step."""
         self.assembly, self.state, self.arrays = assembly, state, arrays
         self.longest = longest_threads(assembly, state.x.dtype.type)
+        self.strays = stray_links(assembly, state.x.dtype.type)
         self.links = limited_links(assembly, state.x.dtype.type)
         limited = (self.longest is not None or self.links is not None) and bool(assembly.scene.colliders)
         self.drawn = Drawn.blank(assembly.cloth.vertices if limited else 1, acts=limited)
@@ -42,9 +45,11 @@ class Running:
         self.frames: dict[int, Any] = {}
 
     @property
-    def limits(self) -> NDArray[np.floating] | None:
-        """How long threads may get [m], of a grid shape (2, N), of a mesh (n,); None where nothing limits them."""
-        return self.longest if self.links is None else self.links.longest
+    def limits(self) -> tuple[NDArray[np.floating], ...]:
+        """How long threads may get [m], of a grid shape (2, N) and (n,), of a mesh (n,); none where nothing limits
+        them."""
+        lists = (each.longest for each in (self.strays, self.links) if each is not None)
+        return (*lists,) if self.longest is None else (self.longest, *lists)
 
     def go_on_with(self, assembly: Assembly) -> None:
         """Take the same assembly with other notes, as `Assembly.with_layers` gives it, for the steps to come."""

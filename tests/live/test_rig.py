@@ -76,6 +76,16 @@ def test_corners_and_what_can_be_let_go_of():
     assert list(empty.attachments) == []
 
 
+def test_what_keeps_a_cloth_short_does_so_when_it_can_be_torn():
+    standard = swing(spacing=0.1)
+    scene = replace(standard.scene, strain_limit=True, tethers=cape.Tethers())
+    rig = Rig(scene, TrackSource(standard.track), cape.SymplecticEuler(), threads=1)
+    tearable = rig.with_tearing()
+    assert tearable.tearing is not None
+    assert tearable.strain_limit
+    assert tearable.tethers is scene.tethers
+
+
 def test_a_tear_runs_straight_in_from_the_rim():
     edges = rim(SHEET)
     outer = {name: set(SHEET.region(name)) for name in ("top", "bottom", "left", "right")}

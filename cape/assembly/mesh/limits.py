@@ -23,7 +23,7 @@ def limited_links(assembly: Assembly, dtype: type[np.floating]) -> Links | None:
     first, second, rest = springs.first[threads], springs.second[threads], springs.rest[threads]
     limits = np.where(_along_weft(cloth, first, second), cloth.fabric.limit_weft, cloth.fabric.limit_warp)
     held = np.unique(np.concatenate([[0] * (not assembly.carried), *(c.vertices for c in assembly.carried)]))
-    distances, _ = geodesic_distances(cloth, held.astype(np.int64))
+    distances, _ = geodesic_distances(cloth, held.astype(np.int64), springs=springs)
     ways = np.minimum(distances[first], distances[second])
     order = np.argsort(ways, kind="stable")
     chain = int(np.ceil(ways[np.isfinite(ways)].max(initial=0.0) / np.median(rest))) + 1

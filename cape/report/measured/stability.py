@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cape.bench.figures import Figures
+from cape.measure.hinges import hinges
 from cape.report.cases import Case
 from cape.report.measured.clock import Clock
 from cape.run.simulation import Simulation
@@ -29,6 +30,11 @@ DUE = 1.1  # of the strain that a converged run reaches, which is no fault
 FINER = (2, 4)  # times as many steps as are needed: the two runs of a reference, which are to agree
 SCATTER = 0.1  # of the largest strain, by which repeats that are not chaotic differ at most
 USUAL = "what a user would take for cloth"
+ROUNDING = 1e-9  # of the mass of a cloth, by which sums over all that it has split into may differ
+TORN = (
+    "it tears, as it can't bear what falls on it; keeps its mass, as a tear only shares that out; and no fold hangs by "
+    "a vertex, as no thread would hold it"
+)
 PASSES, DEGRADES, FAILS = "passes", "degrades", "fails"
 
 
@@ -53,6 +59,7 @@ class Outcome(Figures):
         limit: why so much and no more.
         stretch_least: what `stretch_max` is in the repeat where it is least.
         chaotic: whether repeats differ by more than `SCATTER` in strain, or in what became of them.
+        tears: edges that have parted, the least.
     """
 
     case: str
@@ -70,11 +77,13 @@ class Outcome(Figures):
     limit: str = ""
     stretch_least: float = math.nan
     chaotic: bool = False
+    tears: int = 0
 
 
 @dataclass(frozen=True)
 class _Run:
-    """One repeat; `broke` tells why it ended early, empty where it did not."""
+    """One repeat; `broke` tells why it ended early, empty where it did not. Of a cloth that may tear `tears` are edges
+    that have parted, and `ill` what is wrong with how it did."""
 
     stretch: float
     penetration: float
@@ -82,6 +91,8 @@ class _Run:
     clock: Clock
     retaken: int
     broke: str = ""
+    tears: int = 0
+    ill: tuple[str, ...] = ()
 
 
 def stress(case: Case, solver: str, *, repeats: int) -> Outcome:
@@ -114,9 +125,10 @@ def stress(case: Case, solver: str, *, repeats: int) -> Outcome:
         cpu_seconds=min(run.clock.cpu for run in runs),
         retaken=max(run.retaken for run in runs),
         stretch_limit=limit.strain,
-        limit=limit.reason,
+        limit=limit.reason if standard.scene.tearing is None else f"{limit.reason}; {TORN}",
         stretch_least=least,
         chaotic=len(set(results)) > 1 or most - least > SCATTER * most,
+        tears=min(run.tears for run in runs),
     )
 
 
@@ -128,7 +140,7 @@ def _faults(run: _Run, strain: float) -> list[str]:
         (run.growth > GROWTH, "gains energy"),
         (run.clock.cpu > PATIENCE, f"stopped after {run.clock.cpu:.0f} s"),
     )
-    return [text for fault, text in checks if fault]
+    return [*(text for fault, text in checks if fault), *run.ill]
 
 
 class Limit(NamedTuple):
@@ -172,17 +184,17 @@ def _run(case: Case, standard: StandardScene, solver: Solver, rng: np.random.Gen
     scale = float(np.linalg.norm(scene.gravity)) * float(np.ptp(scene.cloth.pattern, axis=0).max())
     still = still_from(poses) if scene.wind is None or not np.any(scene.wind.velocity) else track.frames
     stretch, penetration, clock = 0.0, 0.0, Clock()
-    growth, rested, broke = math.nan, math.nan, ""
+    growth, rested, broke, ill = math.nan, math.nan, "", ()
     try:
         _begin(case, standard, simulation, poses[0], rng)
-        meter = simulation.meter()
+        meter, tears = simulation.meter(), _Tears(simulation)
         for frame in range(1, track.frames):
             with clock.running():
                 simulation.step(poses[frame], float(track.times[frame] - track.times[frame - 1]))
             if not np.isfinite(simulation.positions).all():
                 broke = f"a position is not finite at frame {frame}"
                 break
-            reading = simulation.read(meter)
+            reading, ill = simulation.read(meter), tears.look()
             if track.times[frame] >= case.after:
                 stretch, penetration = max(stretch, reading.stretch), max(penetration, reading.penetration)
             if frame >= still:
@@ -194,7 +206,31 @@ def _run(case: Case, standard: StandardScene, solver: Solver, rng: np.random.Gen
     except Diverged as error:
         broke = str(error)
     retaken = simulation.retried + simulation.refined + simulation.unconverged
-    return _Run(stretch, penetration, growth, clock, retaken, broke)
+    return _Run(stretch, penetration, growth, clock, retaken, broke, simulation.tears, ill)
+
+
+class _Tears:
+    """Watches how the cloth of a simulation tears."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        """Begin with a cloth that is whole."""
+        self._simulation, self._mass = simulation, simulation.mass
+        self._seen, self._hinged = 0, False
+
+    def look(self) -> tuple[str, ...]:
+        """What is wrong with the tears until now."""
+        simulation = self._simulation
+        if simulation.scene.tearing is None:
+            return ()
+        if simulation.tears > self._seen:
+            self._seen = simulation.tears
+            self._hinged |= hinges(simulation.topology.triangles) > 0
+        checks = (
+            (self._seen == 0, "does not tear"),
+            (abs(simulation.mass - self._mass) > ROUNDING * self._mass, "its mass changes"),
+            (self._hinged, "a fold hangs by a vertex"),
+        )
+        return tuple(text for fault, text in checks if fault)
 
 
 def simulation_of(case: Case, standard: StandardScene, solver: Solver) -> Simulation:

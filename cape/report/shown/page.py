@@ -230,8 +230,10 @@ def _stability(report: Report) -> list[str]:
         "in shorter steps or did not converge. It degrades by more strain than the case allows for, deeper than "
         f"{1e3 * PENETRATION:g} mm, energy grown by more than {GROWTH:.0%}, or over {PATIENCE:g} s of CPU time; it "
         "fails where it breaks off, with a word on what to change, and what was computed till then stays. Energy "
-        "counts from the frame on in which the bones rest. Where runs differ by more than "
-        f"{SCATTER:.0%} in strain, or in what becomes of them, they are chaotic, and the least strain is shown, too.",
+        "counts from the frame on in which the bones rest. Of a cloth that tears it is told how many edges part in the "
+        "run in which fewest do; it degrades, too, where none does, its mass changes or a fold hangs by a vertex. "
+        f"Where runs differ by more than {SCATTER:.0%} in strain, or in what becomes of them, they are chaotic, and "
+        "the least strain is shown, too.",
         "",
         *table(["case", "strain allowed", *(NAMES[solver] for solver in report.plan.solvers)], rows),
     ]
@@ -248,7 +250,8 @@ def _cell(outcome: Outcome) -> str:
     strain = f"{outcome.stretch_max:.1%}"
     if outcome.chaotic:
         strain = f"chaotic, {outcome.stretch_least:.1%} to {strain}"
-    numbers = f"{strain}, {number(outcome.penetration_max_mm)} mm{growth}, {outcome.seconds:.2f} s"
+    torn = f", {outcome.tears} edges torn" if outcome.tears else ""
+    numbers = f"{strain}, {number(outcome.penetration_max_mm)} mm{growth}{torn}, {outcome.seconds:.2f} s"
     again = f", {outcome.retaken} again" if outcome.retaken else ""
     return f"{outcome.result}: {numbers}{again}" + (f" ({outcome.why})" if outcome.why else "")
 

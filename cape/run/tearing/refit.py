@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly, assemble, inverse_of, spare_rows
+from cape.assembly.grid.limits import fill_links, longest_threads
 from cape.assembly.grid.split_springs import Changed, SplitSprings, move_springs
 from cape.assembly.self_contact import layers_of
 from cape.cloth.cloth import MeshCloth
@@ -24,6 +25,7 @@ from cape.kernels.state import State
 from cape.run.hanging import Hanging
 from cape.run.tearing.layers import split_layers
 from cape.run.tearing.sheet import Sheet
+from cape.run.tearing.tethers import let_go
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -55,6 +57,8 @@ def refit(cloth: Hanging, sheet: Sheet, copies: IntArray) -> float:
     if assembly.contacts.faces is not None:
         _move_faces(assembly, before.triangles, grid.triangles)
     _fill(cloth.running.arrays, assembly, changed, moved)
+    let_go(assembly)
+    _limit(cloth, assembly)
     cloth.assembly = cloth.running.assembly = assembly
     return changed.energy(np.stack(cloth.state[:3], axis=1).astype(float))
 
@@ -116,6 +120,15 @@ def _fill(arrays: Any, assembly: Assembly, changed: Changed, cells: IntArray) ->
         forces[ViscousAir].skin.drag[:] = wind.viscous / grid.fabric.density * assembly.mass
     arrays.inertia.mass[:], arrays.inertia.free[:] = assembly.mass, assembly.free
     arrays.inertia.inverse_mass[:] = assembly.inverse_mass
+
+
+def _limit(cloth: Hanging, assembly: Assembly) -> None:
+    """Let threads be as long as they may that are left in a grid, and those that have gone astray."""
+    running = cloth.running
+    if running.longest is not None and running.strays is not None:
+        with cloth.limit.refitted(assembly.springs):
+            running.longest[:] = longest_threads(assembly, running.longest.dtype.type)
+            fill_links(running.strays, assembly)
 
 
 def _enlarge(cloth: Hanging, vertices: int) -> None:

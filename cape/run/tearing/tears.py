@@ -12,6 +12,7 @@ from cape.cloth.split_grid import SplitGrid
 from cape.kernels.state import State
 from cape.kernels.store import Request
 from cape.run.hanging import Hanging
+from cape.run.tearing import tethers
 from cape.run.tearing.cracks import parting
 from cape.run.tearing.layers import patch_order
 from cape.run.tearing.loads import Loads, Scale
@@ -77,7 +78,7 @@ class Tears:
 
     def requests(self, cloth: Hanging) -> list[Request]:
         """The code that a run needs besides that of the cloth."""
-        return self._scale.requests(self.sheet, cloth.state)
+        return [*self._scale.requests(self.sheet, cloth.state), *tethers.requests(cloth.assembly)]
 
     def part(self, cloth: Hanging, vertices: ArrayLike) -> int:
         """Part the edges from each of some vertices to the next, shape (n,); gives how many have parted.

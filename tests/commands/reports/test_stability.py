@@ -6,14 +6,19 @@ import numpy as np
 import pytest
 
 from cape import Cloth, Fabric, Scene, Simulation, SymplecticEuler, attach
+from cape.measure.hinges import hinges
 from cape.report.cases import CASES, Case, crumpled, flattened, hung
 from cape.report.measured import stability
 from cape.report.measured.stability import DEGRADES, FAILS, PASSES, Outcome, still_from, stress
+from cape.results.topology import Topology
 from cape.scene.poses import Pose
 from cape.scene.standard_scenes import FPS, StandardScene
+from cape.scene.tearing_scenes import torn
+from cape.solvers import SOLVERS
 from motions.errors import ValueRangeError
 from tests.run.test_simulation import hanging, swing
 from tests.support.scenes import bend_energy, spring_energy
+from tests.tearing.to_tear import fans
 
 FRAME = 1.0 / FPS
 
@@ -186,6 +191,55 @@ def test_what_takes_too_long_is_stopped(monkeypatch: pytest.MonkeyPatch):
     outcome = stress(quick(), "euler", repeats=5)
     assert (outcome.result, outcome.repeats) == (DEGRADES, 1)
     assert "stopped after" in outcome.why
+
+
+# -- tears --
+
+TEARS = Case("torn", "", lambda: torn(spacing=0.08, seconds=0.5), after=0.45, stretch=np.inf, reason="so it is")
+
+
+def test_a_sheet_that_a_ball_tears_is_judged_by_its_mass_and_how_it_hangs_together():
+    outcome = stress(TEARS, "euler", repeats=1)
+    assert (outcome.result, outcome.why) == (PASSES, "")
+    assert 0.08 * outcome.tears > 0.3  # m: no shorter slit lets the ball through
+    assert "so it is; it tears" in outcome.limit
+    light = dataclasses.replace(TEARS, build=lambda: torn(spacing=0.08, strain=1e3, seconds=0.1), after=0.0)
+    assert stress(light, "euler", repeats=1).why == "does not tear"
+    # No more is asked of what can't tear.
+    assert "tears" not in stress(quick(), "euler", repeats=1).limit
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong", "why"),
+    [
+        ("mass", lambda sim: 1.0 + 1e-6 * (sim.tears > 0), "its mass changes"),
+        ("topology", lambda sim: Topology(0, BOW_TIE, np.arange(5)), "a fold hangs by a vertex"),
+    ],
+)
+def test_tears_that_are_none_degrade(monkeypatch: pytest.MonkeyPatch, name: str, wrong, why: str):
+    monkeypatch.setattr(Simulation, name, property(wrong))
+    assert stress(TEARS, "euler", repeats=1).why == why
+
+
+@pytest.mark.extra
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_every_solver_comes_through_the_tear(solver: str):
+    outcome = stress(CASES["torn"], solver, repeats=2)
+    # XPBD's springs gain a little energy in what is left hanging, as they do in other cases.
+    assert outcome.why in (("", "gains energy") if solver == "xpbd" else ("",))
+    assert 0.05 * outcome.tears > 0.3  # m, which is the ball's width
+
+
+BOW_TIE = np.array([[0, 1, 2], [2, 3, 4]], dtype=np.int32)
+
+
+def test_hinges_are_counted_as_by_hand():
+    assert hinges(BOW_TIE) == 1
+    assert hinges(np.array([[0, 1, 2], [2, 1, 3]])) == 0
+    triangles = Cloth.rectangle(width=0.5, height=0.6, spacing=0.05).triangles
+    assert hinges(triangles) == 0
+    few = triangles[np.random.default_rng(3).random(len(triangles)) < 0.4]
+    assert hinges(few) == (fans(few) - 1).sum() > 10
 
 
 def test_bones_are_still_from_the_frame_after_their_last_motion():
