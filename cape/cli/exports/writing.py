@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cape import exports, record
@@ -73,12 +73,17 @@ def write(
     """
     suffix = path.suffix.lower()
     if suffix == KEPT:
-        take.keep(path)
+        _with_skin(take, skin).keep(path)
     elif suffix in exports.FORMATS:
-        take.export(path)
+        _with_skin(take, skin).export(path)
     else:
         record.save(take, path, layers=layers, surfaces=surfaces, skin=skin, tab=tab)
     return _kind(path)
+
+
+def _with_skin(take: Take, skin: Skin | None) -> Take:
+    """The take with its character's mesh, where its bones tell of none."""
+    return take if skin is None or take.bones.skin is not None else replace(take, bones=replace(take.bones, skin=skin))
 
 
 def _kind(path: Path) -> str:
