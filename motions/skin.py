@@ -6,6 +6,7 @@ Laperriere and Thalmann 1988, "Joint-dependent local deformations for hand anima
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,8 +67,8 @@ class SkinPiece:
         shapes |= {"target_morphs": (targets,)}
         shapes |= dict.fromkeys(("targets", "normal_targets"), (targets, count, 3))
         for name, shape in shapes.items():
-            array = getattr(self, name)
-            if array is None and name in _OPTIONAL:
+            array: NDArray[Any] = getattr(self, name)
+            if name in _OPTIONAL and getattr(self, name) is None:
                 continue
             if array.dtype.kind not in ("iu" if name in _WHOLE else "fiu") or array.shape != shape:
                 raise ValueRangeError(f"{own}: {name} must be numbers of the shape {shape}, not {array.shape}")

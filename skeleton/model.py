@@ -281,7 +281,9 @@ class Skeleton:
             positions, rotations = poses_in(self.model, self.carriers, configurations, chosen)
         names = tuple(self.bones[i] for i in chosen)
         roles = {role: bone for role, bone in self.roles.items() if bone in names}
-        worn = worn_by(names, self.skin, motion.morphs if isinstance(motion, Clip) and motion.skin is self.skin else None)
+        worn = worn_by(
+            names, self.skin, motion.morphs if isinstance(motion, Clip) and motion.skin is self.skin else None
+        )
         return BoneTrack(names, times, positions, rotations, nearest_parents(self.parents, chosen), roles, **worn)
 
     def _fit_clip(self, clip: Clip) -> list[int]:

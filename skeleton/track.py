@@ -80,7 +80,9 @@ class BoneTrack:
                 names = ", ".join(self.names)
                 raise ValueRangeError(f"the role {role!r} is given to {bone!r}, which isn't among: {names}")
         if self.skin is not None and (unknown := set(self.skin.bones).difference(self.names)):
-            raise ValueRangeError(f"the skin hangs at {sorted(unknown)[0]!r}, which isn't among: {', '.join(self.names)}")
+            raise ValueRangeError(
+                f"the skin hangs at {sorted(unknown)[0]!r}, which isn't among: {', '.join(self.names)}"
+            )
         if self.parents is not None:
             bones = len(self.names)
             _check_shape("parents", self.parents, (bones,))
@@ -139,8 +141,8 @@ class BoneTrack:
     def select(self, bones: Sequence[str]) -> "BoneTrack":
         """The track of just these bones, given by name or role, in this order.
 
-        A bone's parent becomes its nearest ancestor among the selected; roles of bones left out are dropped, and so is a skin
-        that hangs at one of them.
+        A bone's parent becomes its nearest ancestor among the selected; roles of bones left out are dropped,
+        and so is a skin that hangs at one of them.
 
         Raises:
             UnknownNameError: there is no such bone.

@@ -166,7 +166,9 @@ def save_hitboxes(
         FileError: the file can't be written.
     """
     require_recorder()
-    asked = with_surfaces(check_layers(layers, BODY_LAYERS if (skin or bones.skin) is None else (*BODY_LAYERS, "body")), surfaces)
+    asked = with_surfaces(
+        check_layers(layers, BODY_LAYERS if (skin or bones.skin) is None else (*BODY_LAYERS, "body")), surfaces
+    )
     frames = finite_frames(name, bones)
     colliders = drawable(colliders)
     thicknesses = [thickness if c.thickness is None else c.thickness for c in colliders]

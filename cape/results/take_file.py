@@ -2,8 +2,8 @@
 
 The text is JSON. An object of a class that a take holds is `{"is": CLASS, "fields": {...}}`, a tuple
 `{"tuple": [...]}`, a mapping `{"mapping": {...}}`, an array `{"array": NAME}`, or `{"numbers": [...], "of": TYPE}`
-where it is small, and bytes, such as an encoded image, `{"bytes": NAME}`, an array of these. What classes there are follows from the types of a take's fields, so that a new field needs no line
-here.
+where it is small, and bytes, such as an encoded image, are `{"bytes": NAME}`, an array of these. What classes there are
+follows from the types of a take's fields, so that a new field needs no line here.
 """
 
 import json
@@ -180,17 +180,13 @@ def _check(take: Any) -> None:
         raise ValueError(f"a triangle has a vertex that is not among the {vertices} there are")
 
 
-def _check_skin(skin: Any) -> None:
-    """Look whether a skin is one; that its arrays fit each other it has seen to itself.
+def _check_skin(skin: Skin | None) -> None:
+    """Look whether a skin is made of pieces; that their arrays fit each other they have seen to themselves.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is not.
     """
-    if skin is None:
-        return
-    if not isinstance(skin, Skin):
-        raise ValueError(f"the skin is a {type(skin).__name__}")
-    for piece in skin.pieces:
+    for piece in () if skin is None else skin.pieces:
         if not isinstance(piece, SkinPiece) or not isinstance(piece.name, str):
             raise ValueError(f"a piece of the skin is a {type(piece).__name__}")
         if not isinstance(piece.image, bytes | None):

@@ -61,7 +61,7 @@ def look(piece: SkinPiece) -> dict[str, Any]:
 
 
 def morphs_of(bones: BoneTrack, skin: Skin) -> NDArray[np.float64] | None:
-    """Weights of a skin's morphs in the frames of a track, shape (F, M); None where the track tells none of this skin."""
+    """Weights of a skin's morphs over a track, shape (F, M); None where that tells none of this skin."""
     return bones.morphs if bones.skin is not None and bones.skin.morphs == skin.morphs else None
 
 
