@@ -29,7 +29,7 @@ def make_figure(frames: int = FRAMES) -> Take:
     binds = rng.normal(size=(5, 3, 4)) * 0.3 + np.pad(np.eye(3), ((0, 0), (0, 1)))
     binds[3] *= 0.01
     binds[4, :, 2] = 0.0
-    bones = ("hip", "left arm", "left:hand", "left arm", "hip")
+    bones = ("hip", "left arm", "left:hand", "hip", "left arm")
     corners = np.array([[0, 1, 2], [2, 1, 3], [3, 4, 5], [5, 4, 6]])
     shares = rng.random((7, 6)) * (rng.random((7, 6)) > 0.3) + 0.01
     coat = SkinPiece(
