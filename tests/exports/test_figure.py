@@ -19,6 +19,8 @@ from cape.results.take import Take
 from motions.errors import FileError, ValueRangeError
 from motions.skin import Skin
 from tests.characters.builder import body, character, skinned, walking
+from tests.characters.test_morphs import TIMES, by_lines, face
+from tests.characters.test_reading import drawn
 from tests.exports import skinned_reader
 from tests.exports.a_figure import make_figure, picture, placed
 from tests.exports.a_take import FPS, FRAMES, difference, make_take
@@ -168,23 +170,37 @@ def test_what_is_written_brings_a_character_along_that_the_bones_do_not_tell(tak
     assert difference(skin_of(take), skin_of(Take.load(tmp_path / "a.npz"))) == ""
 
 
-def test_a_character_from_a_file_goes_into_files(tmp_path: Path):
-    who = body()
-    clip = motions.load(character(tmp_path / "hero.glb", who, frames=4))
+def take_of(clip: motions.Clip) -> Take:
+    """A take of a small cloth that stays where it is, while a character moves."""
     track = skeleton.Skeleton.from_clip(clip).track(clip)
     assert track.skin is clip.skin
     cloth = cape.Cloth.rectangle(width=0.2, height=0.2, spacing=0.1)
-    still = np.repeat(cloth.positions[None].astype(np.float32), 4, axis=0)
-    no = np.zeros(4)
-    take = Take(
-        "walk", track, (), cloth.triangles, cloth.texcoords, still, no, 0.0, no, np.full(4, -1), no, "", 1, 0, 0, 0
+    still = np.repeat(cloth.positions[None].astype(np.float32), clip.frames, axis=0)
+    zero, none = np.zeros(clip.frames), np.full(clip.frames, -1)
+    return Take(
+        "walk", track, (), cloth.triangles, cloth.texcoords, still, zero, 0.0, zero, none, zero, "", 1, 0.0, 0.0, 0.0
     )
-    take.keep(tmp_path / "walk.npz")
+
+
+def test_a_character_from_a_file_goes_into_files(tmp_path: Path):
+    who = body()
+    clip = motions.load(character(tmp_path / "hero.glb", who, frames=4))
+    take_of(clip).keep(tmp_path / "walk.npz")
     Take.load(tmp_path / "walk.npz").export(tmp_path / "out.glb")
     _, places, turns = walking(who, 4)
     nodes = GLB(tmp_path / "out.glb").content["nodes"]
     [node] = [k for k, each in enumerate(nodes) if each["name"] == "Body"]
     same(skinned_reader.read(tmp_path / "out.glb", node).vertices, skinned(who, places, turns))
+
+
+def test_a_character_comes_back_from_a_glb(tmp_path: Path):
+    clip = motions.load(face(tmp_path / "a.glb", weights=(TIMES, by_lines(TIMES), "LINEAR")), unit="m")
+    take_of(clip).export(tmp_path / "out.glb")
+    again = motions.load(tmp_path / "out.glb", unit="m")
+    assert "left out: the mesh 'cape', which no joint carries" in again.decisions
+    assert again.frames == clip.frames
+    assert np.ptp(drawn(clip), axis=0).max() > 0.3
+    same(drawn(again), drawn(clip))
 
 
 def test_bones_that_lack_one_of_a_mesh_drop_it(take: Take):
