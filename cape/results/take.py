@@ -226,6 +226,8 @@ class Take:
     def export(self, path: str | PathLike[str], *, joints: int | None = None) -> tuple[Path, ...]:
         """Write the cloth in motion for other programs, in the format of the path's suffix; gives all files made.
 
+        USD and GLB hold the character's mesh as well, where the bones move one.
+
         Args:
             path: the file, with one of the suffixes in `cape.exports.FORMATS`, such as .usd, .glb or .obj; files that
                 are there are replaced.

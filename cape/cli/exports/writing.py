@@ -14,6 +14,7 @@ from cape.results.take import Take
 from motions.errors import FileError, UserError
 from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
+from skeleton.track import worn_by
 
 KEPT = ".npz"
 
@@ -83,7 +84,9 @@ def write(
 
 def _with_skin(take: Take, skin: Skin | None) -> Take:
     """The take with its character's mesh, where its bones tell of none."""
-    return take if skin is None or take.bones.skin is not None else replace(take, bones=replace(take.bones, skin=skin))
+    if take.bones.skin is not None:
+        return take
+    return replace(take, bones=replace(take.bones, **worn_by(take.bones.names, skin, None)))
 
 
 def _kind(path: Path) -> str:
