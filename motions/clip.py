@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from motions import quaternions
 from motions.bodies import stature
 from motions.border import checked
+from motions.curves import between_rows
 from motions.errors import UnknownNameError, ValueRangeError
 from motions.kinematics import forward_kinematics
 from motions.skin import Skin
@@ -56,6 +57,7 @@ class Clip:
         decisions: what the reader had to decide (unit, up axis, dropped frames, renamed joints), a sentence each.
         roles: name of the joint of each role (`motions.ROLES`) that the file itself tells, as VRM files do.
         skin: the mesh that the joints carry; None for none.
+        morphs: weight of each of the skin's M morphs in each frame, shape (F, M); None for 0.
 
     Raises:
         ValueRangeError: shapes that don't fit, numbers that aren't finite, a tree that isn't one, fps of 0 or less.
@@ -74,6 +76,7 @@ class Clip:
     decisions: tuple[str, ...] = field(default=())
     roles: Mapping[str, str] = field(default_factory=dict)
     skin: Skin | None = field(default=None, repr=False)
+    morphs: FloatArray | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         """Copy, check and freeze the arrays."""
@@ -93,6 +96,8 @@ class Clip:
         self._freeze("rotations_wxyz", (frames, joints, 4))
         if self.local_positions is not None:
             self._freeze("local_positions", (frames, joints, 3))
+        if self.morphs is not None:
+            self._freeze("morphs", (frames, 0 if self.skin is None else self.skin.morphs))
         if self.parents[0] != -1 or np.any(self.parents[1:] < 0) or np.any(self.parents >= np.arange(joints)):
             raise ValueRangeError(f"clip {self.name!r}: the root comes first with parent -1, parents before children")
         if np.any(self.end_parents < 0) or np.any(self.end_parents >= joints):
@@ -176,13 +181,15 @@ class Clip:
             raise ValueRangeError(f"fps must be more than 0, not {fps:g}")
         # A frame that rounding puts just beyond the end still belongs to the clip.
         frames = int(self.duration * fps * (1 + 1e-12) + 1e-9) + 1
-        poses = self.sample(np.arange(frames) / fps)
+        times = np.arange(frames) / fps
+        poses = self.sample(times)
         return replace(
             self,
             fps=float(fps),
             root_positions=poses.root_positions,
             rotations_wxyz=quaternions.make_continuous(poses.rotations_wxyz),
             local_positions=poses.local_positions,
+            morphs=None if self.morphs is None else between_rows(self.times, self.morphs, times),
         )
 
     def trim(self, start: float = 0.0, end: float | None = None) -> "Clip":
@@ -205,6 +212,7 @@ class Clip:
             root_positions=self.root_positions[kept],
             rotations_wxyz=self.rotations_wxyz[kept],
             local_positions=None if self.local_positions is None else self.local_positions[kept],
+            morphs=None if self.morphs is None else self.morphs[kept],
         )
 
     def world_poses(self) -> tuple[FloatArray, FloatArray]:
@@ -234,6 +242,7 @@ class Clip:
             root_positions=self.root_positions[few],
             rotations_wxyz=self.rotations_wxyz[few],
             local_positions=None if self.local_positions is None else self.local_positions[few],
+            morphs=None if self.morphs is None else self.morphs[few],
         )
 
     def standing_height(self) -> float:

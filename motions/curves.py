@@ -47,6 +47,16 @@ def quintic(
     return sum((c * p for c, p in zip(coefficients, powers, strict=True)), np.zeros_like(powers[0]))
 
 
+def between_rows(at: FloatArray, rows: FloatArray, x: ArrayLike) -> FloatArray:
+    """Rows (F, n) that belong to increasing places (F,), at other places (...): on straight lines between, (..., n)."""
+    x = np.clip(np.asarray(x, dtype=float), at[0], at[-1])
+    if len(at) == 1:
+        return np.broadcast_to(rows[0], (*x.shape, rows.shape[1])).copy()
+    before = np.clip(np.searchsorted(at, x, side="right") - 1, 0, len(at) - 2)
+    share = ((x - at[before]) / (at[before + 1] - at[before]))[..., None]
+    return (1.0 - share) * rows[before] + share * rows[before + 1]
+
+
 def keyed(x: ArrayLike, *keys: tuple[float, float]) -> FloatArray:
     """A smooth curve through keys (x, value) that never overshoots them, constant before the first and after the last.
 

@@ -119,7 +119,7 @@ def load(
     if (skin := recording.skin) is not None:
         skin = skin.turned(conventions.to_z_up(up), scale)
         skin = replace(skin, bones=tuple(joints[int(bone)] for bone in skin.bones))
-    return replace(clip, roles=roles, skin=skin)
+    return replace(clip, roles=roles, skin=skin, morphs=recording.morphs)
 
 
 def _read(path: Path, rate: float | None, animation: str | None) -> Recording:

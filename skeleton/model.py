@@ -25,7 +25,7 @@ from skeleton.clip_model import ClipModel, constant_offsets
 from skeleton.known_robots import RobotSource, find_urdf, known_roles, package_folders
 from skeleton.rest import FRAME_ROLES, RestPose, mean_rotations, missing_roles
 from skeleton.robot_motion import RobotMotion
-from skeleton.track import BoneTrack, nearest_parents
+from skeleton.track import BoneTrack, nearest_parents, worn_by
 from skeleton.urdf.carriers import Carriers, RobotBones, poses_in
 from skeleton.urdf.mimics import Mimic, followed, read_mimics
 from skeleton.urdf.reader import model_of_urdf, read_urdf
@@ -281,7 +281,10 @@ class Skeleton:
             positions, rotations = poses_in(self.model, self.carriers, configurations, chosen)
         names = tuple(self.bones[i] for i in chosen)
         roles = {role: bone for role, bone in self.roles.items() if bone in names}
-        return BoneTrack(names, times, positions, rotations, nearest_parents(self.parents, chosen), roles)
+        worn = worn_by(
+            names, self.skin, motion.morphs if isinstance(motion, Clip) and motion.skin is self.skin else None
+        )
+        return BoneTrack(names, times, positions, rotations, nearest_parents(self.parents, chosen), roles, **worn)
 
     def _fit_clip(self, clip: Clip) -> list[int]:
         """Where each bone is among the joints of a clip, which may come in another order."""

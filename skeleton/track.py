@@ -1,15 +1,18 @@
 """The plug between whatever moves bones and the cloth: world poses of named bones over time, as plain arrays."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motions import quaternions
 from motions.border import checked
+from motions.curves import between_rows
 from motions.errors import UnknownNameError, ValueRangeError
 from motions.limits import LARGEST_TRACK
+from motions.skin import Skin
 
 FloatArray = NDArray[np.float64]
 
@@ -31,10 +34,12 @@ class BoneTrack:
         rotations_wxyz: unit quaternions (w, x, y, z) bone_to_world, shape (F, B, 4), signs continuous over frames.
         parents: index of each bone's parent among `names`, -1 for none, shape (B,); only drawings need it.
         roles: name of the bone that plays each role, such as {"left_shoulder": "LeftCollar"}.
+        skin: the mesh that these bones move, such as `clip.skin`; None for none.
+        morphs: weight of each of the skin's M morphs in each frame, shape (F, M); None for 0.
 
     Raises:
         ValueRangeError: shapes don't match, a number isn't finite, times don't increase, a quaternion isn't of unit
-            length, a name occurs twice or a role's bone isn't among the names.
+            length, a name occurs twice or a bone of a role or of the skin isn't among the names.
     """
 
     names: tuple[str, ...]
@@ -43,6 +48,8 @@ class BoneTrack:
     rotations_wxyz: FloatArray
     parents: NDArray[np.int64] | None = None
     roles: Mapping[str, str] = field(default_factory=dict)
+    skin: Skin | None = field(default=None, repr=False)
+    morphs: FloatArray | None = field(default=None, repr=False)
 
     def __post_init__(self):
         """Copy, check and freeze the arrays."""
@@ -53,6 +60,7 @@ class BoneTrack:
             "rotations_wxyz": np.array(self.rotations_wxyz, dtype=float),
             "parents": None if self.parents is None else np.array(self.parents, dtype=np.int64),
             "roles": dict(self.roles),
+            "morphs": None if self.morphs is None else np.array(self.morphs, dtype=float),
         }
         for name, value in frozen.items():
             object.__setattr__(self, name, value)
@@ -60,7 +68,7 @@ class BoneTrack:
         self._check_numbers()
         rotations = quaternions.make_continuous(quaternions.normalize(self.rotations_wxyz))
         object.__setattr__(self, "rotations_wxyz", rotations)
-        for array in (self.times, self.positions, self.rotations_wxyz, self.parents):
+        for array in (self.times, self.positions, self.rotations_wxyz, self.parents, self.morphs):
             if array is not None:
                 array.setflags(write=False)
 
@@ -71,6 +79,10 @@ class BoneTrack:
             if bone not in self.names:
                 names = ", ".join(self.names)
                 raise ValueRangeError(f"the role {role!r} is given to {bone!r}, which isn't among: {names}")
+        if self.skin is not None and (unknown := set(self.skin.bones).difference(self.names)):
+            raise ValueRangeError(
+                f"the skin hangs at {sorted(unknown)[0]!r}, which isn't among: {', '.join(self.names)}"
+            )
         if self.parents is not None:
             bones = len(self.names)
             _check_shape("parents", self.parents, (bones,))
@@ -87,6 +99,10 @@ class BoneTrack:
             _check_shape(label, array, shape)
             if (bad := ~np.isfinite(array)).any():
                 raise ValueRangeError(f"{label} must be finite, got NaN or infinity at the index {_first(bad)}")
+        if self.morphs is not None:
+            if self.skin is None:
+                raise ValueRangeError("morphs are those of a skin, and there is none")
+            self.skin.require_morphs(self.morphs, frames)
         if (stalled := np.diff(self.times) <= 0).any():
             raise ValueRangeError(f"times must increase, frame {_first(stalled)[0] + 1} is not after the one before")
         if (off := np.abs(np.linalg.norm(self.rotations_wxyz, axis=-1) - 1) > _UNIT_TOLERANCE).any():
@@ -125,7 +141,8 @@ class BoneTrack:
     def select(self, bones: Sequence[str]) -> "BoneTrack":
         """The track of just these bones, given by name or role, in this order.
 
-        A bone's parent becomes its nearest ancestor among the selected; roles of bones left out are dropped.
+        A bone's parent becomes its nearest ancestor among the selected; roles of bones left out are dropped,
+        and so is a skin that hangs at one of them.
 
         Raises:
             UnknownNameError: there is no such bone.
@@ -139,6 +156,7 @@ class BoneTrack:
             self.rotations_wxyz[:, chosen],
             None if self.parents is None else nearest_parents(self.parents, chosen),
             {role: bone for role, bone in self.roles.items() if bone in names},
+            **worn_by(names, self.skin, self.morphs),
         )
 
     def first(self, frames: int) -> "BoneTrack":
@@ -160,8 +178,12 @@ class BoneTrack:
         if first == 0 and end >= self.frames:
             return self  # nothing of it ever changes
         kept = slice(first, end)
-        return BoneTrack(
-            self.names, self.times[kept], self.positions[kept], self.rotations_wxyz[kept], self.parents, self.roles
+        return replace(
+            self,
+            times=self.times[kept],
+            positions=self.positions[kept],
+            rotations_wxyz=self.rotations_wxyz[kept],
+            morphs=None if self.morphs is None else self.morphs[kept],
         )
 
     def at(self, frame: int) -> tuple[FloatArray, FloatArray]:
@@ -214,7 +236,9 @@ class BoneTrack:
             raise ValueRangeError(f"at {fps:g} frames per second the motion has {duration * fps:.3g} frames: too many")
         # A last frame that rounding puts a hair after the end still counts.
         times = self.times[0] + np.arange(int(duration * fps + 1e-6) + 1) / fps
-        return BoneTrack(self.names, times, *self.sample(times), self.parents, self.roles)
+        positions, rotations = self.sample(times)
+        morphs = None if self.morphs is None else between_rows(self.times, self.morphs, times)
+        return replace(self, times=times, positions=positions, rotations_wxyz=rotations, morphs=morphs)
 
 
 def nearest_parents(parents: Sequence[int] | NDArray[np.int64], chosen: Sequence[int]) -> NDArray[np.int64]:
@@ -227,6 +251,11 @@ def nearest_parents(parents: Sequence[int] | NDArray[np.int64], chosen: Sequence
             ancestor = int(parents[ancestor])
         result.append(place.get(ancestor, -1))
     return np.array(result, dtype=np.int64)
+
+
+def worn_by(names: Sequence[str], skin: Skin | None, morphs: FloatArray | None) -> dict[str, Any]:
+    """The skin and its morphs as fields of a track of some bones: none where it hangs at others as well."""
+    return {"skin": skin, "morphs": morphs} if skin is not None and set(skin.bones) <= set(names) else {}
 
 
 def _check_shape(label: str, array: NDArray, shape: tuple[int, ...]) -> None:

@@ -203,7 +203,12 @@ def live(
 def export(
     take: Annotated[Path, typer.Argument(help="A take that cape replay -o TAKE.npz has kept.")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="What to write: .usd, .usda, .usdc, .glb, .obj, .pc2, .mdd or .ply.")
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            help="What to write: .usd, .usda, .usdc, .glb, .obj, .pc2, .mdd or .ply; or a recording, .rrd.",
+        ),
     ],
     joints: Annotated[
         int | None,
@@ -214,7 +219,7 @@ def export(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Write a kept take for other programs, in the format that the output's suffix names."""
+    """Write a kept take for other programs, or for the viewer, in the format that the output's suffix names."""
     from cape.cli.exports.command import run
 
     return run(take, output, joints=joints, json=json)

@@ -3,7 +3,7 @@
 Y up, metres, seconds; one material, metallic-roughness, with the albedo in the file. Positions and normals move. Some
 viewers hold no more than the 2,048 targets that WebGL 2 usually has layers for.
 After the glTF 2.0 specification (Khronos, 2021): 3.6.2 accessors, 3.7.2.2 morph targets, 3.9 materials, 3.11
-animations.
+animations. A character that has a mesh comes along, as `figure.glb` tells.
 """
 
 # pygltflib states that texts and numbers may be left out, which its types don't.
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from cape.cloth.normals import vertex_normals
+from cape.exports.figure.glb import add_figure
 from cape.exports.gltf_parts import Buffer, save, with_material
 from cape.exports.moving_mesh import MovingMesh, y_up
 from motions.errors import ValueRangeError
@@ -63,4 +64,5 @@ def _gltf(mesh: MovingMesh, buffer: Buffer) -> Any:
         )
         channel = g.AnimationChannel(sampler=0, target=g.AnimationChannelTarget(node=0, path="weights"))
         gltf.animations = [g.Animation(name=mesh.name, samplers=[sampler], channels=[channel])]
+    add_figure(gltf, mesh, buffer)
     return gltf

@@ -13,7 +13,12 @@ from cape.exports.moving_mesh import MovingMesh
 from cape.version import VERSION
 from motions.files import whole_file
 
-KINDS = {np.dtype(np.float32): 5126, np.dtype(np.uint32): 5125, np.dtype(np.uint8): 5121}  # as the format numbers them
+KINDS = {
+    np.dtype(np.float32): 5126,
+    np.dtype(np.uint32): 5125,
+    np.dtype(np.uint16): 5123,
+    np.dtype(np.uint8): 5121,
+}  # as the format numbers them
 
 
 def with_material(mesh: MovingMesh, buffer: "Buffer") -> Any:
@@ -47,6 +52,15 @@ def save(gltf: Any, buffer: "Buffer", path: Path) -> None:
     with whole_file(path) as partial, partial.open("wb") as file:
         for part in gltf.save_to_bytes():
             file.write(part)
+
+
+def summing_to_one(weights: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Weights whose sums are one in single precision as well, as validators want them."""
+    rounded = weights.astype(np.float32)
+    largest = rounded.argmax(axis=1, keepdims=True)
+    off = 1.0 - rounded.sum(axis=1, keepdims=True, dtype=np.float32)
+    np.put_along_axis(rounded, largest, np.take_along_axis(rounded, largest, axis=1) + off, axis=1)
+    return rounded
 
 
 class Buffer:

@@ -6,6 +6,7 @@ Z up, in metres, both stated; a time code is a frame, and `timeCodesPerSecond` s
     /take/cape              Mesh: points, normals, texture coordinates `st`
     /take/material          UsdPreviewSurface, whose albedo is a PNG beside the file
     /take/figure/skeleton   Skeleton, and in it `motion`, a SkelAnimation
+    /take/figure/PIECE      Mesh on the skeleton, of a character that has one: with blend shapes, material, albedo
     /take/hitboxes/NAME     Capsule, Cube, Sphere or Mesh, in the world, of the purpose "guide"
 """
 
@@ -15,7 +16,7 @@ Z up, in metres, both stated; a time code is a frame, and `timeCodesPerSecond` s
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.normals import vertex_normals
+from cape.exports.figure.usd import add_figure
 from cape.exports.moving_mesh import MovingMesh
+from cape.exports.usd_parts import identifiers, material, sample
 from motions import quaternions
 from motions.errors import FileError
 from motions.files import whole_file
@@ -37,8 +40,8 @@ TAKE = "/take"
 FloatArray = NDArray[np.float64]
 
 
-def write(mesh: MovingMesh, path: Path) -> tuple[Path, Path]:
-    """Write the file, and its texture beside it; gives both.
+def write(mesh: MovingMesh, path: Path) -> tuple[Path, ...]:
+    """Write the file, and its textures beside it; gives all.
 
     Raises:
         FileError: one can't be written.
@@ -57,15 +60,15 @@ def write(mesh: MovingMesh, path: Path) -> tuple[Path, Path]:
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, TAKE).GetPrim())
     stage.GetRootLayer().comment = f"{mesh.name}, written by cape"
     _cloth(stage, mesh, codes)
-    _material(stage, mesh, picture.name)
-    _skeleton(stage, mesh.bones, codes)
+    material(stage, f"{TAKE}/material", f"{TAKE}/cape", picture=picture.name, rough=mesh.look.rough)
+    pictures = add_figure(stage, f"{TAKE}/figure", mesh.bones, codes, path)
     _hitboxes(stage, mesh, codes)
     with whole_file(path) as partial:
         try:
             stage.GetRootLayer().Export(str(partial))
         except Tf.ErrorException as error:
             raise FileError(f"can't write {path}: {_reason(error)}") from None
-    return path, picture
+    return path, picture, *pictures
 
 
 def _reason(error: Exception) -> str:
@@ -100,89 +103,7 @@ def _cloth(stage: Usd.Stage, mesh: MovingMesh, codes: Sequence[float]) -> None:
         (cloth.CreateNormalsAttr(), normals),
         (cloth.CreateExtentAttr(), bounds),
     ]:
-        _sample(attribute, map(Vt.Vec3fArray.FromNumpy, values), codes)
-
-
-def _material(stage: Usd.Stage, mesh: MovingMesh, picture: str) -> None:
-    from pxr import Sdf, UsdShade
-
-    material = UsdShade.Material.Define(stage, f"{TAKE}/material")
-    surface, texture, reader = (
-        UsdShade.Shader.Define(stage, f"{TAKE}/material/{name}") for name in ("surface", "albedo", "st")
-    )
-    types = Sdf.ValueTypeNames
-    reader.CreateIdAttr("UsdPrimvarReader_float2")
-    reader.CreateInput("varname", types.String).Set("st")
-    texture.CreateIdAttr("UsdUVTexture")
-    texture.CreateInput("file", types.Asset).Set(Sdf.AssetPath(f"./{picture}"))
-    texture.CreateInput("sourceColorSpace", types.Token).Set("sRGB")
-    texture.CreateInput("st", types.Float2).ConnectToSource(reader.CreateOutput("result", types.Float2))
-    surface.CreateIdAttr("UsdPreviewSurface")
-    surface.CreateInput("roughness", types.Float).Set(mesh.look.rough)
-    surface.CreateInput("metallic", types.Float).Set(0.0)
-    surface.CreateInput("diffuseColor", types.Color3f).ConnectToSource(texture.CreateOutput("rgb", types.Float3))
-    material.CreateSurfaceOutput().ConnectToSource(surface.CreateOutput("surface", types.Token))
-    UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath(f"{TAKE}/cape")).Bind(material)
-
-
-def _skeleton(stage: Usd.Stage, bones: BoneTrack, codes: Sequence[float]) -> None:
-    """The bones as joints, each told from its parent; the first frame is their bind and rest pose."""
-    from pxr import Gf, UsdSkel, Vt
-
-    UsdSkel.Root.Define(stage, f"{TAKE}/figure")
-    skeleton = UsdSkel.Skeleton.Define(stage, f"{TAKE}/figure/skeleton")
-    motion = UsdSkel.Animation.Define(stage, f"{TAKE}/figure/skeleton/motion")
-    order, joints = _joints(bones)
-    translations, rotations = _from_parents(bones)
-    translations, rotations = translations[:, order].astype(np.float32), rotations[:, order]
-    world = _matrices(bones.positions[0, order], bones.rotations_wxyz[0, order])
-    local = _matrices(translations[0].astype(float), rotations[0])
-    skeleton.CreateJointsAttr(joints)
-    skeleton.CreateBindTransformsAttr(Vt.Matrix4dArray([Gf.Matrix4d(matrix.tolist()) for matrix in world]))
-    skeleton.CreateRestTransformsAttr(Vt.Matrix4dArray([Gf.Matrix4d(matrix.tolist()) for matrix in local]))
-    motion.CreateJointsAttr(joints)
-    _sample(motion.CreateTranslationsAttr(), map(Vt.Vec3fArray.FromNumpy, translations), codes)
-    # Vt has the scalar of a quaternion last.
-    turns = np.roll(rotations, -1, axis=2).astype(np.float32)
-    _sample(motion.CreateRotationsAttr(), map(Vt.QuatfArray.FromNumpy, turns), codes)
-    motion.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)] * len(joints)))
-    UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets([motion.GetPath()])
-
-
-def _joints(bones: BoneTrack) -> tuple[list[int], list[str]]:
-    """Bones in an order in which parents come first, and the path of each as a joint."""
-    names = _identifiers(bones.names)
-    parents = [-1] * len(names) if bones.parents is None else bones.parents.tolist()
-
-    def lineage(bone: int) -> list[int]:
-        line = [bone]
-        while parents[line[-1]] >= 0:
-            line.append(parents[line[-1]])
-        return line[::-1]
-
-    lines = [lineage(bone) for bone in range(len(names))]
-    order = sorted(range(len(names)), key=lambda bone: len(lines[bone]))
-    return order, ["/".join(names[each] for each in lines[bone]) for bone in order]
-
-
-def _from_parents(bones: BoneTrack) -> tuple[FloatArray, FloatArray]:
-    """Poses of bones in their parents' frames, those without one in the world: [m] (F, B, 3), wxyz (F, B, 4)."""
-    positions, rotations = bones.positions.copy(), bones.rotations_wxyz.copy()
-    if bones.parents is not None:
-        children = np.flatnonzero(bones.parents >= 0)
-        above = bones.parents[children]
-        back = quaternions.conjugate(bones.rotations_wxyz[:, above])
-        positions[:, children] = quaternions.rotate(back, bones.positions[:, children] - bones.positions[:, above])
-        rotations[:, children] = quaternions.multiply(back, bones.rotations_wxyz[:, children])
-    return positions, quaternions.make_continuous(rotations)
-
-
-def _matrices(positions: FloatArray, rotations_wxyz: FloatArray) -> FloatArray:
-    """Poses as matrices that rows of coordinates are multiplied with, shape (B, 4, 4)."""
-    matrices = np.zeros((len(positions), 4, 4))
-    matrices[:, :3, :3] = quaternions.to_matrix(rotations_wxyz).swapaxes(1, 2)
-    matrices[:, 3, :3], matrices[:, 3, 3] = positions, 1.0
-    return matrices
+        sample(attribute, map(Vt.Vec3fArray.FromNumpy, values), codes)
 
 
 def _hitboxes(stage: Usd.Stage, mesh: MovingMesh, codes: Sequence[float]) -> None:
@@ -190,7 +111,7 @@ def _hitboxes(stage: Usd.Stage, mesh: MovingMesh, codes: Sequence[float]) -> Non
     from pxr import UsdGeom
 
     UsdGeom.Scope.Define(stage, f"{TAKE}/hitboxes")
-    for collider, name in zip(mesh.colliders, _identifiers([c.name for c in mesh.colliders]), strict=True):
+    for collider, name in zip(mesh.colliders, identifiers([c.name for c in mesh.colliders]), strict=True):
         path, outline, size = f"{TAKE}/hitboxes/{name}", collider.outline(), None
         if isinstance(outline, CapsuleOutline):
             axis = outline.end - outline.start
@@ -247,26 +168,5 @@ def _carry(
         return
     index = bones.index(bone)
     poses, turns = bones.positions[:, index], bones.rotations_wxyz[:, index]
-    _sample(move, map(Gf.Vec3d, (poses + quaternions.rotate(turns, place)).tolist()), codes)
-    _sample(rotate, (Gf.Quatd(*q) for q in quaternions.multiply(turns, turn).tolist()), codes)
-
-
-def _sample(attribute: Any, values: Iterable[Any], codes: Sequence[float]) -> None:
-    """Set the values of an attribute at all time codes."""
-    for value, code in zip(values, codes, strict=True):
-        attribute.Set(value, code)
-
-
-def _identifiers(names: Iterable[str]) -> list[str]:
-    """Names as USD takes them, each once."""
-    from pxr import Tf
-
-    found: dict[str, None] = {}
-    for name in names:
-        valid = base = Tf.MakeValidIdentifier(name or "_")
-        number = 1
-        while valid in found:
-            number += 1
-            valid = f"{base}_{number}"
-        found[valid] = None
-    return list(found)
+    sample(move, map(Gf.Vec3d, (poses + quaternions.rotate(turns, place)).tolist()), codes)
+    sample(rotate, (Gf.Quatd(*q) for q in quaternions.multiply(turns, turn).tolist()), codes)

@@ -92,6 +92,7 @@ class CharacterSource:
             root_positions=local[None, 0],
             rotations_wxyz=quaternions.normalize(rotations)[None],
             local_positions=None if self._clip.local_positions is None else local[None],
+            morphs=None,
         )
         track = self._body.track(clip)
         return Pose(track.positions[0], track.rotations_wxyz[0])
@@ -103,4 +104,5 @@ def _one_frame(clip: Clip) -> Clip:
         root_positions=clip.root_positions[:1],
         rotations_wxyz=clip.rotations_wxyz[:1],
         local_positions=None if clip.local_positions is None else clip.local_positions[:1],
+        morphs=None if clip.morphs is None else clip.morphs[:1],
     )

@@ -121,7 +121,7 @@ class GrowingRecording:
         Raises:
             ValueRangeError: no frame of the motion is finite.
         """
-        asked = with_surfaces(LAYERS, surfaces)
+        asked, skin = with_surfaces(LAYERS, surfaces), skin or track.skin
         entities = entities_of(parts_of("cape", scene.cloth))
         self._cloth = GrowingCloth(stream, asked, entities)
         frames = finite_frames("the motion", track)
@@ -264,7 +264,7 @@ def growing_file(
     """
     require_recorder()
     asked = with_surfaces(check_layers(layers), surfaces)
-    skin = skin if "body" in asked else None
+    skin = (skin or track.skin) if "body" in asked else None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # told at the end, when they are in the recording
         colliders, frames = drawable(scene.colliders), finite_frames(name, track)

@@ -62,7 +62,7 @@ def save(
         path: the recording, by custom with the suffix .rrd.
         layers: which of `LAYERS` to write, None for all.
         surfaces: meshes that the bones carry, such as a robot's `skeleton.link_surfaces(body, "visual")`.
-        skin: mesh that the bones move, such as `clip.skin`, drawn in place of a body by proportions.
+        skin: mesh that the bones move, drawn in place of a body by proportions; None for the bones' own, if any.
         tab: "cape" or "hitboxes", which of the two the viewer shows first.
 
     Raises:
@@ -112,7 +112,7 @@ def recording_of(
     size = OVERHEAD + (sum(2 * each.nbytes for each in worn.positions) if "cape" in asked else 0)
     if "contacts" in asked:
         size += BYTES_PER_CONTACT * sum(len(one.contacts.points) for one in worn.takes if one.contacts is not None)
-    skin = skin if "body" in asked else None
+    skin = (skin or worn.bones.skin) if "body" in asked else None
     size += skin_size(skin, len(frames.numbers))
     height = figure_height(worn.bones, frames, surfaces if "robot" in asked else (), skin)
     linings = {
@@ -155,7 +155,7 @@ def save_hitboxes(
         name: what the viewer calls the recording.
         layers: which of "robot", "skeleton", "hitboxes", "shells" and "floor" to write, None for all.
         surfaces: meshes that the bones carry, such as a robot's `skeleton.link_surfaces(body, "visual")`.
-        skin: mesh that the bones move, such as `clip.skin`, in the layer "body".
+        skin: mesh that the bones move, in the layer "body"; None for the bones' own, if any.
         left_out: names of the colliders to mark as left out.
         thickness: of the colliders that have none of their own [m].
 
@@ -166,11 +166,13 @@ def save_hitboxes(
         FileError: the file can't be written.
     """
     require_recorder()
-    asked = with_surfaces(check_layers(layers, BODY_LAYERS if skin is None else (*BODY_LAYERS, "body")), surfaces)
+    asked = with_surfaces(
+        check_layers(layers, BODY_LAYERS if (skin or bones.skin) is None else (*BODY_LAYERS, "body")), surfaces
+    )
     frames = finite_frames(name, bones)
     colliders = drawable(colliders)
     thicknesses = [thickness if c.thickness is None else c.thickness for c in colliders]
-    skin = skin if "body" in asked else None
+    skin = (skin or bones.skin) if "body" in asked else None
     blueprint = layout(asked, figure_height(bones, frames, surfaces, skin), colliders, tab="hitboxes")
     size = OVERHEAD + skin_size(skin, len(frames.numbers))
     with recording_file(path, name=name, opening=lambda: ("cape hitboxes", blueprint), size=size) as file:

@@ -54,7 +54,8 @@ class Take:
 
     Attributes:
         name: what it is called, by default the clip's name.
-        bones: the bones' poses at the F frames; every bone that the colliders name is among them.
+        bones: the bones' poses at the F frames, and the mesh that they move, if any; every bone that the colliders name
+            is among them.
         colliders: what the cloth couldn't enter.
         triangles: vertex indices of the T triangles, shape (T, 3); of a cloth that tears, as they are at first.
         texcoords: texture coordinates of the V vertices, 0 to 1 over the cloth, shape (V, 2).
@@ -158,7 +159,7 @@ class Take:
                 complete.
             layers: which of `cape.record.LAYERS` to write, such as "cape" or "hitboxes", None for all.
             surfaces: meshes that the bones carry, such as a robot's `skeleton.link_surfaces(body, "visual")`.
-            skin: mesh that the bones move, such as `clip.skin`, drawn in place of a body by proportions.
+            skin: mesh that the bones move, drawn in place of a body by proportions; None for the bones' own, if any.
 
         Raises:
             MissingPackageError: rerun-sdk isn't installed.
@@ -186,7 +187,7 @@ class Take:
             height: the same.
             layers: which of `cape.record.LAYERS`, None for all.
             surfaces: meshes that the bones carry.
-            skin: mesh that the bones move, such as `clip.skin`.
+            skin: mesh that the bones move; None for the bones' own, if any.
 
         Raises:
             UserError: what shows it is not installed, or this is no notebook.
@@ -224,6 +225,8 @@ class Take:
 
     def export(self, path: str | PathLike[str], *, joints: int | None = None) -> tuple[Path, ...]:
         """Write the cloth in motion for other programs, in the format of the path's suffix; gives all files made.
+
+        USD and GLB hold the character's mesh as well, where the bones move one.
 
         Args:
             path: the file, with one of the suffixes in `cape.exports.FORMATS`, such as .usd, .glb or .obj; files that

@@ -2,8 +2,8 @@
 
 The text is JSON. An object of a class that a take holds is `{"is": CLASS, "fields": {...}}`, a tuple
 `{"tuple": [...]}`, a mapping `{"mapping": {...}}`, an array `{"array": NAME}`, or `{"numbers": [...], "of": TYPE}`
-where it is small. What classes there are follows from the types of a take's fields, so that a new field needs no line
-here.
+where it is small, and bytes, such as an encoded image, are `{"bytes": NAME}`, an array of these. What classes there are
+follows from the types of a take's fields, so that a new field needs no line here.
 """
 
 import json
@@ -24,6 +24,7 @@ from motions.arrays import KINDS, read_arrays
 from motions.errors import FileError, ValueRangeError
 from motions.files import whole_file
 from motions.limits import LARGEST_FILE
+from motions.skin import Skin, SkinPiece
 from skeleton.track import BoneTrack
 
 TEXT = "take"  # name of the text among the arrays
@@ -111,6 +112,9 @@ def _plain(value: Any, path: str, arrays: Arrays, classes: Mapping[str, type]) -
             return {"numbers": value.tolist(), "of": value.dtype.str}
         arrays[path] = value
         return {"array": path}
+    if isinstance(value, bytes):
+        arrays[path] = np.frombuffer(value, np.uint8)
+        return {"bytes": path}
     if isinstance(value, list | tuple):
         plain = [_plain(each, f"{path}.{place}", arrays, classes) for place, each in enumerate(value)]
         return {"tuple": plain} if isinstance(value, tuple) else plain
@@ -135,6 +139,8 @@ def _object(plain: Any, arrays: Mapping[str, NDArray[Any]], classes: Mapping[str
     match plain:
         case {"array": name}:
             return arrays[name]
+        case {"bytes": name}:
+            return arrays[name].tobytes()
         case {"numbers": numbers, "of": kind}:
             return np.array(numbers, dtype=kind if np.dtype(kind).kind in KINDS else None)
         case {"tuple": values}:
@@ -162,6 +168,7 @@ def _check(take: Any) -> None:
             raise ValueError(f"{name} is a {type(getattr(take, name)).__name__}")
     if not all(isinstance(collider, Collider) for collider in take.colliders):
         raise ValueError("a collider is of another type")
+    _check_skin(take.bones.skin)
     frames, vertices = take.bones.frames, len(take.texcoords)
     shapes = {"positions": (frames, vertices, 3), "texcoords": (vertices, 2), "triangles": (len(take.triangles), 3)}
     shapes |= dict.fromkeys(("stretch_max", "penetration", "penetrated", "kinetic_energy"), (frames,))
@@ -171,3 +178,16 @@ def _check(take: Any) -> None:
             raise ValueError(f"{name} must be numbers of the shape {shape}, not {np.shape(array)}")
     if take.triangles.size and not (take.triangles.min() >= 0 and take.triangles.max() < vertices):
         raise ValueError(f"a triangle has a vertex that is not among the {vertices} there are")
+
+
+def _check_skin(skin: Skin | None) -> None:
+    """Look whether a skin is made of pieces; that their arrays fit each other they have seen to themselves.
+
+    Raises:
+        ValueError: it is not.
+    """
+    for piece in () if skin is None else skin.pieces:
+        if not isinstance(piece, SkinPiece) or not isinstance(piece.name, str):
+            raise ValueError(f"a piece of the skin is a {type(piece).__name__}")
+        if not isinstance(piece.image, bytes | None):
+            raise ValueError(f"the image of {piece.name!r} is a {type(piece.image).__name__}")

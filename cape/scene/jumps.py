@@ -85,7 +85,8 @@ def seam(track: BoneTrack) -> BoneTrack:
     """The step from a track's last frame to its first, where it begins again."""
     ends = [-1, 0]
     times = np.array([0.0, track.times[-1] - track.times[-2]])
-    return replace(track, times=times, positions=track.positions[ends], rotations_wxyz=track.rotations_wxyz[ends])
+    places, turns = track.positions[ends], track.rotations_wxyz[ends]
+    return replace(track, times=times, positions=places, rotations_wxyz=turns, skin=None, morphs=None)
 
 
 def rigid_motion(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -36,6 +36,7 @@ class Recording:
         up: axis of the file that points up, where its format states that and the metre as unit; None where it doesn't.
         roles: the joint of each role that the file or its format tells.
         skin: the mesh on the joints, which are named by their numbers; None for none.
+        morphs: weights of the skin's M morphs, shape (F, M); None for 0.
     """
 
     joints: tuple[str, ...]
@@ -51,10 +52,12 @@ class Recording:
     up: str | None = None
     roles: Mapping[str, int] = field(default_factory=dict)
     skin: Skin | None = None
+    morphs: FloatArray | None = None
 
     def frames(self, which: IntArray | slice) -> "Recording":
         """The same recording with only some of its frames."""
-        return replace(self, positions=self.positions[which], rotations=self.rotations[which])
+        morphs = None if self.morphs is None else self.morphs[which]
+        return replace(self, positions=self.positions[which], rotations=self.rotations[which], morphs=morphs)
 
     def local_positions(self) -> FloatArray:
         """Position of every joint in its parent's frame, shape (F, J, 3)."""

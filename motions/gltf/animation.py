@@ -1,7 +1,8 @@
 """Animations of a glTF file (3.11) and what their keyframes give at any time (appendix C)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +25,11 @@ _EVEN = 0.05  # of a frame, by which keyframes of a frame rate may be off it
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Keyframes of one part of one node's transform.
+    """Keyframes of one part of one node's transform, or of the weights of its mesh's morph targets.
 
     Attributes:
         node: which one.
-        path: "translation", "rotation" (w, x, y, z) or "scale".
+        path: "translation", "rotation" (w, x, y, z), "scale" or "weights".
         times: of the K keyframes [s], increasing, shape (K,).
         values: at the keyframes, shape (K, n), of splines (K, 3, n): tangent into it, value, tangent out of it.
         way: "STEP", "LINEAR" or "CUBICSPLINE".
@@ -106,20 +107,47 @@ def channels_of(document: Document, number: int, nodes: Sequence[int]) -> list[C
         node, path = channel["target"].get("node"), channel["target"]["path"]
         if node not in nodes or path not in WIDTHS:
             continue
-        sampler, what = animation["samplers"][channel["sampler"]], f"keyframes of node {node}"
-        times = values_of(document, sampler["input"], of="SCALAR", what=what).ravel()
-        values, way = values_of(document, sampler["output"], what=what), sampler.get("interpolation", "LINEAR")
-        rows = 3 if way == "CUBICSPLINE" else 1
-        if way not in ("STEP", "LINEAR", "CUBICSPLINE") or values.shape != (rows * len(times), WIDTHS[path]):
-            raise FileError(f"{document.label}: {what} have {len(times)} times for {len(values)} values of {way}")
-        if (np.diff(times) <= 0.0).any():
-            # Keys that rounding has put on one time are no reason to refuse a file.
-            times = np.asarray(np.maximum.accumulate(times), dtype=np.float64) + 1e-9 * np.arange(len(times))
-        if path == "rotation":
-            values = np.roll(values, 1, axis=1)
-            values = values if rows == 3 else unit(values)
-        found.append(Channel(node, path, times, values.reshape(-1, 3, WIDTHS[path]) if rows == 3 else values, way))
+        found.append(_keyframes(document, animation, channel, WIDTHS[path]))
     return found
+
+
+def weights_of(document: Document, number: int, targets: Mapping[int, int]) -> list[Channel]:
+    """Keyframes of an animation that weigh morph targets.
+
+    Args:
+        document: the file.
+        number: of the animation.
+        targets: how many each node has that has any.
+
+    Raises:
+        FileError: they are not as they should be.
+    """
+    animation = document.list_of("animations")[number]
+    return [
+        _keyframes(document, animation, channel, targets[channel["target"]["node"]])
+        for channel in animation["channels"]
+        if channel["target"]["path"] == "weights" and channel["target"].get("node") in targets
+    ]
+
+
+def _keyframes(document: Document, animation: dict[str, Any], channel: dict[str, Any], width: int) -> Channel:
+    """The keyframes of a channel, of so many numbers each."""
+    node, path = channel["target"]["node"], channel["target"]["path"]
+    sampler, what = animation["samplers"][channel["sampler"]], f"keyframes of node {node}"
+    times = values_of(document, sampler["input"], of="SCALAR", what=what).ravel()
+    values, way = values_of(document, sampler["output"], what=what), sampler.get("interpolation", "LINEAR")
+    rows = 3 if way == "CUBICSPLINE" else 1
+    if path == "weights" and values.size == rows * len(times) * width:  # told one by one
+        values = values.reshape(-1, width)
+    if way not in ("STEP", "LINEAR", "CUBICSPLINE") or values.shape != (rows * len(times), width):
+        raise FileError(f"{document.label}: {what} have {len(times)} times for {len(values)} values of {way}")
+    if (np.diff(times) <= 0.0).any():
+        # Keys that rounding has put on one time are no reason to refuse a file.
+        times = np.asarray(np.maximum.accumulate(times), dtype=np.float64) + 1e-9 * np.arange(len(times))
+    if path == "rotation":
+        values = np.roll(values, 1, axis=1)
+        values = values if rows == 3 else unit(values)
+    return Channel(node, path, times, values.reshape(-1, 3, width) if rows == 3 else values, way)
 
 
 def frame_times(channels: Sequence[Channel], rate: float | None) -> tuple[FloatArray, float]:

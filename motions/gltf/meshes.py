@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from motions.errors import FileError
 from motions.gltf.accessors import values_of, whole_numbers_of
 from motions.gltf.document import Document
+from motions.gltf.morphs import Morphs
 from motions.gltf.nodes import Nodes, local_matrix
 from motions.limits import MOST_MESH_TRIANGLES
 from motions.skin import Skin, SkinPiece
@@ -29,6 +30,7 @@ class Gathering:
         nodes: its nodes.
         joints: the joint's number of each node that is one.
         stretches: of each joint what of its transform is neither turn nor place, joint_to_joint, shape (J, 3, 3).
+        morphs: what moves vertices before joints do.
         notes: what was left out, a sentence each.
     """
 
@@ -36,6 +38,7 @@ class Gathering:
     nodes: Nodes
     joints: Mapping[int, int]
     stretches: FloatArray
+    morphs: Morphs
     notes: list[str] = field(default_factory=list)
     _bones: list[int] = field(default_factory=list)
     _binds: list[FloatArray] = field(default_factory=list)
@@ -99,8 +102,7 @@ class Gathering:
             if primitive.get("mode", TRIANGLES) != TRIANGLES:
                 self.notes.append(f"left out: points, lines or strips of the mesh {name!r}")
                 continue
-            shapes = node.get("weights", mesh.get("weights", ()))
-            piece = self._piece(primitive, shapes, first, fixed=fixed, name=self._free_name(name))
+            piece = self._piece(primitive, number, first, fixed=fixed, name=self._free_name(name))
             if piece is not None:
                 self._pieces.append(piece)
 
@@ -111,9 +113,7 @@ class Gathering:
             free = f"{name}_{number}"
         return free
 
-    def _piece(
-        self, primitive: dict[str, Any], shapes: Sequence[float], first: int, *, fixed: bool, name: str
-    ) -> SkinPiece | None:
+    def _piece(self, primitive: dict[str, Any], node: int, first: int, *, fixed: bool, name: str) -> SkinPiece | None:
         """A primitive, without vertices that belong to no triangle; None where it has none."""
         document, attributes = self.document, primitive["attributes"]
         vertices = values_of(document, attributes["POSITION"], of="VEC3", what="vertices")
@@ -126,9 +126,6 @@ class Gathering:
         self._triangles += len(corners) // 3
         if self._triangles > MOST_MESH_TRIANGLES:
             raise FileError(f"{document.label} has more than {MOST_MESH_TRIANGLES} triangles")
-        for weight, target in zip(shapes, primitive.get("targets", ()), strict=False):
-            if weight and "POSITION" in target:
-                vertices = vertices + weight * values_of(document, target["POSITION"], of="VEC3", what="vertices")
         if fixed:
             binds, weights = np.full((count, 1), first), np.ones((count, 1))
         else:
@@ -141,17 +138,21 @@ class Gathering:
         if inside_out.mean() > 0.5:
             triangles = triangles[:, ::-1]
         rgba, image, places = self._colour(primitive)
-        normals, uv = (self._optional(attributes, each, count, kept) for each in ("NORMAL", f"TEXCOORD_{places}"))
+        normals, uv = (self._optional(attributes, each, count) for each in ("NORMAL", f"TEXCOORD_{places}"))
+        shape = self.morphs.shape(node, primitive, vertices, normals)
         return SkinPiece(
             name,
-            vertices[kept],
-            normals,
+            shape.vertices[kept],
+            None if shape.normals is None else shape.normals[kept],
             triangles,
             binds[kept],
             weights[kept],
-            uv,
+            None if uv is None else uv[kept],
             rgba,
             None if uv is None else image,
+            None if shape.targets is None else shape.targets[:, kept],
+            None if shape.normal_targets is None else shape.normal_targets[:, kept],
+            shape.target_morphs,
         )
 
     def _influences(
@@ -177,13 +178,11 @@ class Gathering:
         shares = shares[:, counted]
         return joints[:, counted] + first, shares / shares.sum(axis=1, keepdims=True)
 
-    def _optional(
-        self, attributes: dict[str, Any], name: str, count: int, kept: NDArray[np.int64]
-    ) -> FloatArray | None:
+    def _optional(self, attributes: dict[str, Any], name: str, count: int) -> FloatArray | None:
         if name not in attributes:
             return None
         values = values_of(self.document, attributes[name], of="VEC3" if name == "NORMAL" else "VEC2")
-        return values[kept] if len(values) == count and np.isfinite(values).all() else None
+        return values if len(values) == count and np.isfinite(values).all() else None
 
     def _colour(self, primitive: dict[str, Any]) -> tuple[FloatArray | None, bytes | None, int]:
         """Colour, encoded image, and which texture coordinates lay it (3.9)."""

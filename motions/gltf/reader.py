@@ -15,11 +15,12 @@ from motions import quaternions
 from motions.bvh.reader import Recording
 from motions.errors import FileError
 from motions.gltf.accessors import require_sane
-from motions.gltf.animation import channels_of, find_animation, frame_times, sampled
+from motions.gltf.animation import channels_of, find_animation, frame_times, sampled, weights_of
 from motions.gltf.borrowed import borrowed, is_elsewhere
 from motions.gltf.document import Document, reading
 from motions.gltf.humanoid import roles_of_file
 from motions.gltf.meshes import Gathering
+from motions.gltf.morphs import Morphs, target_counts
 from motions.gltf.nodes import Nodes, read_nodes
 from motions.gltf.poses import require_short, world_poses
 
@@ -53,10 +54,11 @@ def _figure(document: Document, rate: float | None, asked: str | None) -> Record
     nodes = read_nodes(document)
     chosen = _joints(document, nodes, asked)
     every = nodes.with_above(chosen)
+    morphs = Morphs(document)
     if asked is not None and is_elsewhere(asked):
         moved, fps, remarks = borrowed(document, nodes, every, Path(asked), rate)
     else:
-        moved, fps, remarks = _moved(document, nodes, every, rate, asked)
+        moved, morphs.moved, fps, remarks = _moved(document, nodes, every, rate, asked)
     places, turns, stretches = world_poses(nodes, every, chosen, moved)
     for each in (places, stretches):
         require_sane(document, each, "joints")
@@ -73,7 +75,7 @@ def _figure(document: Document, rate: float | None, asked: str | None) -> Record
         places = np.concatenate([np.zeros_like(places[:, :1]), places], axis=1)
         turns = np.concatenate([np.broadcast_to([1.0, 0.0, 0.0, 0.0], turns[:, :1].shape), turns], axis=1)
         stretches = np.concatenate([np.broadcast_to(np.eye(3), stretches[:, :1].shape), stretches], axis=1)
-    gathering = Gathering(document, nodes, joint_of, stretches[0])
+    gathering = Gathering(document, nodes, joint_of, stretches[0], morphs)
     skin = gathering.skin([str(joint) for joint in range(len(names))])
     local, rotations = _in_parents(parents, places, turns)
     return Recording(
@@ -90,23 +92,34 @@ def _figure(document: Document, rate: float | None, asked: str | None) -> Record
         up=UP,
         roles={role: joint_of[node] for role, node in roles_of_file(document).items() if node in joint_of},
         skin=skin,
+        morphs=morphs.weights(),
     )
 
 
 def _moved(
     document: Document, nodes: Nodes, every: Sequence[int], rate: float | None, asked: str | None
-) -> tuple[dict[str, FloatArray], float, list[str]]:
-    """Transforms of all nodes in each frame of the file's own animation, its frame rate, and what was decided."""
+) -> tuple[dict[str, FloatArray], dict[int, FloatArray], float, list[str]]:
+    """What the file's own animation makes of all nodes in each frame, and how it came about.
+
+    Returns:
+        Transforms, as of `animation.sampled`; weights of morph targets by node, shape (F, n) each; the frame rate; and
+        what was decided.
+    """
+    targets = target_counts(document)
     number, remarks = find_animation(document, asked, moving=every)
+    if number is None:  # a face may move while the body stands
+        number, remarks = find_animation(document, asked, moving=list(targets))
     channels = [] if number is None else channels_of(document, number, every)
-    if channels:
-        times, fps = frame_times(channels, rate)
+    weights = [] if number is None else weights_of(document, number, targets)
+    if channels or weights:
+        times, fps = frame_times([*channels, *weights], rate)
     else:
         fps = rate or STILL_FPS
         times = np.arange(round(STILL_SECONDS * fps) + 1) / fps
         remarks.append(f"no animation moves the figure: it stands as it is for {STILL_SECONDS:g} s")
     require_short(document, len(times), nodes)
-    return sampled(nodes, channels, times), fps, remarks
+    document.take(8 * len(times) * sum(targets[each.node] for each in weights), "weights of morph targets")
+    return sampled(nodes, channels, times), {each.node: each.at(times) for each in weights}, fps, remarks
 
 
 def _joints(document: Document, nodes: Nodes, asked: str | None) -> list[int]:

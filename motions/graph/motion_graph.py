@@ -400,6 +400,7 @@ class MotionGraph:
             root_positions=local_positions[:, 0],
             rotations_wxyz=rotations,
             local_positions=local_positions if moving else None,
+            morphs=None,
             decisions=(*told, *decisions),
         )
 

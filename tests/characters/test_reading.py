@@ -22,8 +22,8 @@ def drawn(clip: motions.Clip) -> np.ndarray:
     assert clip.skin is not None
     places, turns = clip.world_poses()
     at = [clip.index(bone) for bone in clip.skin.bones]
-    pieces = [list(clip.skin.posed(piece, places[:, at], turns[:, at])) for piece in clip.skin.pieces]
-    return np.concatenate([np.stack([vertices for vertices, _ in frames]) for frames in pieces], axis=1)
+    posed = [clip.skin.posed(piece, places[:, at], turns[:, at], morphs=clip.morphs) for piece in clip.skin.pieces]
+    return np.concatenate([np.stack([vertices for vertices, _ in frames]) for frames in posed], axis=1)
 
 
 def expected(frames: int = 2, root: np.ndarray | None = None) -> np.ndarray:

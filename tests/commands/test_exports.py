@@ -20,6 +20,10 @@ def test_export_by_command(forks: Forks, tmp_path: Path):
     done = forks("export", "walk.npz", "-o", "out.ply", folder=tmp_path)
     assert f"to, {FRAMES} in all" in done.stdout
     assert f"out_{FRAMES - 1:04}.ply" in done.stdout
+    done = forks("export", "walk.npz", "-o", "out.rrd", "--json", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["format"] == "recording"
+    assert (tmp_path / "out.rrd").read_bytes().startswith(b"RRF2")
     for arguments, text in {
         ("walk.npz", "-o", "out.abc"): "no format of exports named '.abc'",
         ("walk.rrd", "-o", "out.obj"): "is a recording",

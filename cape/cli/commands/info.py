@@ -139,9 +139,9 @@ def _skin_rows(clip: motions.Clip) -> list[tuple[str, str]]:
     if (skin := clip.skin) is None:
         return []
     pieces = ", ".join(piece.name for piece in skin.pieces)
-    return [
-        ("mesh", f"{skin.vertices} vertices, {skin.triangles} triangles on {len(set(skin.bones))} joints: {pieces}")
-    ]
+    morphs = f", {skin.morphs} morph targets that move" if skin.morphs else ""
+    joints = len(set(skin.bones))
+    return [("mesh", f"{skin.vertices} vertices, {skin.triangles} triangles on {joints} joints{morphs}: {pieces}")]
 
 
 def _findings(subject: _Subject) -> list[Finding]:

@@ -1,4 +1,4 @@
-"""`cape export`: a kept take for other programs."""
+"""`cape export`: a kept take for other programs, or as the recording that it would have been."""
 
 import json as json_format
 import warnings
@@ -7,26 +7,36 @@ from pathlib import Path
 from cape.cli.figures.rows import print_rows
 from cape.cli.output import output_path
 from cape.exports import format_of, require_format
+from cape.record import require_recorder
 from cape.results.take import Take
 
+RECORDED = ".rrd"
 MOST_TOLD = 5  # files of an export, each on a line; of more, the first and the last
 
 
 def run(path: Path, output: Path, *, joints: int | None, json: bool) -> int:
     """Read, write and tell; gives the exit status."""
-    require_format(output, joints=joints)
+    recorded = output.suffix.lower() == RECORDED and joints is None
+    if recorded:
+        require_recorder()
+    else:
+        require_format(output, joints=joints)
     output_path(output, "", inputs=(path,))
     take = Take.load(path)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        files = take.export(output, joints=joints)
+        if recorded:
+            take.save(output)
+            files = (output,)
+        else:
+            files = take.export(output, joints=joints)
     fps = round(take.bones.fps, 3) if take.bones.frames > 1 else 0.0
     facts = {
         "take": take.name,
         "frames": len(take.positions),
         "fps": fps,
         "vertices": take.positions.shape[1],
-        "format": format_of(output).name,
+        "format": "recording" if recorded else format_of(output).name,
         "warnings": [str(each.message) for each in caught if each.category is UserWarning],
         "output": str(files[0]),
         "files": [str(file) for file in files],

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cape import exports, record
@@ -14,6 +14,7 @@ from cape.results.take import Take
 from motions.errors import FileError, UserError
 from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
+from skeleton.track import worn_by
 
 KEPT = ".npz"
 
@@ -73,12 +74,19 @@ def write(
     """
     suffix = path.suffix.lower()
     if suffix == KEPT:
-        take.keep(path)
+        _with_skin(take, skin).keep(path)
     elif suffix in exports.FORMATS:
-        take.export(path)
+        _with_skin(take, skin).export(path)
     else:
         record.save(take, path, layers=layers, surfaces=surfaces, skin=skin, tab=tab)
     return _kind(path)
+
+
+def _with_skin(take: Take, skin: Skin | None) -> Take:
+    """The take with its character's mesh, where its bones tell of none."""
+    if take.bones.skin is not None:
+        return take
+    return replace(take, bones=replace(take.bones, **worn_by(take.bones.names, skin, None)))
 
 
 def _kind(path: Path) -> str:

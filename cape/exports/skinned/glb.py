@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.normals import vertex_normals
-from cape.exports.gltf_parts import Buffer, save, with_material
+from cape.exports.figure.glb import add_figure
+from cape.exports.gltf_parts import Buffer, save, summing_to_one, with_material
 from cape.exports.moving_mesh import MovingMesh, y_up
 from cape.exports.skinned.fit import Skin, fit
 from cape.exports.skinned.joints import spread
@@ -57,7 +58,7 @@ def _gltf(mesh: MovingMesh, skin: Skin, parents: NDArray[np.intp], buffer: Buffe
         NORMAL=buffer.add(_turned(vertex_normals(skin.rest[None], mesh.triangles)[0])),
         TEXCOORD_0=buffer.add(mesh.texcoords),
         JOINTS_0=buffer.add(skin.influences.astype(np.uint8)),
-        WEIGHTS_0=buffer.add(_summing_to_one(skin.weights)),
+        WEIGHTS_0=buffer.add(summing_to_one(skin.weights)),
     )
     primitive = g.Primitive(attributes=attributes, indices=buffer.add(mesh.triangles.ravel().astype(np.uint32)))
     primitive.material = 0
@@ -81,6 +82,7 @@ def _gltf(mesh: MovingMesh, skin: Skin, parents: NDArray[np.intp], buffer: Buffe
     ]
     gltf.scenes, gltf.scene = [g.Scene(name=mesh.name, nodes=[0, root])], 0
     gltf.animations = [_animation(mesh, skin, parents, buffer, first)]
+    add_figure(gltf, mesh, buffer)
     return gltf
 
 
@@ -106,10 +108,3 @@ def _animation(mesh: MovingMesh, skin: Skin, parents: NDArray[np.intp], buffer: 
 
 def _turned(vectors: NDArray[np.float64]) -> NDArray[np.float32]:
     return y_up(np.asarray(vectors, np.float32))
-
-
-def _summing_to_one(weights: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Weights whose sums are one in single precision as well, as validators want them."""
-    rounded = weights.astype(np.float32)
-    rounded[:, 0] += 1.0 - rounded.sum(axis=1, dtype=np.float32)
-    return rounded

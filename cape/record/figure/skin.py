@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cape.cloth.drawn.textures import decoded
 from cape.cloth.normals import vertex_normals
@@ -34,7 +35,10 @@ def log_skin(stream: rr.RecordingStream, bones: BoneTrack, skin: Skin, frames: F
         )
         for block in frames.blocks(2 * 12 * len(piece.vertices)):
             numbers = frames.numbers[block]
-            poses = skin.posed(piece, bones.positions[numbers][:, at], bones.rotations_wxyz[numbers][:, at])
+            morphs = morphs_of(bones, skin)
+            morphs = None if morphs is None else morphs[numbers]
+            places, turns = bones.positions[numbers][:, at], bones.rotations_wxyz[numbers][:, at]
+            poses = skin.posed(piece, places, turns, morphs=morphs)
             places, normals = zip(*poses, strict=True)
             vertices = np.stack(places)
             shaded = vertex_normals(vertices, piece.triangles) if piece.normals is None else np.stack(normals)
@@ -54,6 +58,11 @@ def look(piece: SkinPiece) -> dict[str, Any]:
         except FileError:
             pass  # drawn in its plain colour
     return found
+
+
+def morphs_of(bones: BoneTrack, skin: Skin) -> NDArray[np.float64] | None:
+    """Weights of a skin's morphs over a track, shape (F, M); None where that tells none of this skin."""
+    return bones.morphs if bones.skin is not None and bones.skin.morphs == skin.morphs else None
 
 
 def skin_height(bones: BoneTrack, skin: Skin, frame: int) -> float:

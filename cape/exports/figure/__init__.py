@@ -1,0 +1,1 @@
+"""A character with its mesh, beside the cloth of an export."""
