@@ -31,10 +31,10 @@ def allowed() -> list[str]:
 
 
 def lowest(requirement: str) -> str:
-    """Of "name>=1.2,<2" the first release of 1.2: "name==1.2.*"."""
-    found = re.fullmatch(r"([\w-]+)>=([\d.]+)(,.*)?", requirement)
+    """Of "name>=1.2,<2; marker" the releases of 1.2, where the marker holds: "name==1.2.*; marker"."""
+    found = re.fullmatch(r"([\w-]+)>=([\d.]+)(?:,[^;]*)?(;.*)?", requirement)
     assert found is not None, f"{requirement} tells no lowest version"
-    return f"{found[1]}=={found[2]}.*"
+    return f"{found[1]}=={found[2]}.*{found[3] or ''}"
 
 
 @pytest.mark.parametrize("which", ["lowest", "newest"])
