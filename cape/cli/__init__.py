@@ -6,7 +6,7 @@ import signal
 import sys
 from types import FrameType
 
-from cape.cli.streams import READER_GONE, ReaderGone, Stream, guard
+from cape.streams import READER_GONE, ReaderGone, Stream, guard
 from motions.errors import PACKAGES, UserError, missing_package
 from motions.files import printable
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cape.cli import _cut_short
+from cape.cli import _cut_short, _status_of
 from cape.pictures import films, stills
 from cape.pictures.viewer import require_viewer
 from motions.errors import FileError, UserError
@@ -137,6 +137,13 @@ def test_so_it_is_of_a_gallery(recorded: bytes, tmp_path: Path):
     asked = ("gallery", "-o", "pages", "--garment", "half_cape", "--clip", "idle")
     assert refused(asked, tmp_path).startswith("cape: can't write ")
     assert not list((tmp_path / "pages").iterdir())
+
+
+def test_a_full_disk_that_nobody_expected_is_told_in_a_line(capsys: pytest.CaptureFixture[str]):
+    assert _status_of(OSError(28, "No space left on device", "some.log")) == 2
+    assert capsys.readouterr().err == "cape: can't write some.log: No space left on device\n"
+    with pytest.raises(OSError, match="Not a directory"):
+        _status_of(OSError(20, "Not a directory", "some.log"))
 
 
 def test_a_file_of_python_that_a_full_disk_has_cut_short_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

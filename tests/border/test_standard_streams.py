@@ -83,7 +83,7 @@ def test_what_is_computed_after_the_first_text_that_was_lost_is_written(stream: 
     code = f"""if True:
         import sys
         from pathlib import Path
-        from cape.cli.streams import guard
+        from cape.streams import guard
         out = guard()
         print("x" * 100_000, file=sys.{stream}, flush=True)
         Path("result").write_text(str(out.failure))
