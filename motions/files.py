@@ -5,6 +5,7 @@ import platform
 import re
 import secrets
 import stat
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -80,7 +81,23 @@ def whole_file(path: Path) -> Iterator[Path]:
         finally:
             partial.unlink(missing_ok=True)
     except OSError as error:
-        raise FileError(f"can't write {path}: {error.strerror}") from error
+        # Who writes in C, as Pillow does, may know no more than that it failed.
+        raise FileError(f"can't write {path}: {error.strerror or error}") from error
+
+
+@contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """Make a folder for files that nobody needs after the block.
+
+    Raises:
+        FileError: nowhere can one be made, as on a full disk.
+    """
+    try:
+        made = tempfile.TemporaryDirectory(prefix="cape-")
+    except OSError as error:
+        raise FileError(f"can't write temporary files: {error.strerror}") from error
+    with made as folder:
+        yield Path(folder)
 
 
 def begin_file(path: Path) -> Path:

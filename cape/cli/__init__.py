@@ -6,14 +6,20 @@ import signal
 import sys
 from types import FrameType
 
+from cape.streams import READER_GONE, ReaderGone, Stream, guard
 from motions.errors import PACKAGES, UserError, missing_package
 from motions.files import printable
 
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 INTERRUPTED = 130  # the shells' status for what Ctrl-C has ended; of other signals it is 128 and their number
 
 
 def main() -> None:
-    """Run the command; a user's mistake is one line on standard error and exit status 2, an interrupt is one line."""
+    """Run the command; a user's mistake is one line on standard error and exit status 2, an interrupt is one line.
+
+    So is a standard output that can't take all that is printed, which the command has gone on without.
+    """
+    printed = guard()
     interrupted: list[int] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:
@@ -26,12 +32,15 @@ def main() -> None:
             signal.signal(number, interrupt)
     try:
         status = _run()
+    except ReaderGone:
+        status = READER_GONE
     except (Exception, KeyboardInterrupt) as error:
         # What an interrupt reaches, such as a viewer, may fail before this process takes notice, or take it for a
         # failure of its own.
         status = INTERRUPTED if interrupted else _status_of(error)
     if interrupted and status == INTERRUPTED:
         status = _tell("interrupted", 128 + interrupted[0])
+    status = _status_with(printed, status)
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # nothing is left that would have to end in order
     if interrupted and _is_compiling():
         sys.stdout.flush()
@@ -50,10 +59,21 @@ def _run() -> int:
     command = typer.main.get_command(app)
     try:
         status = command.main(prog_name="cape", standalone_mode=False)
-        sys.stdout.flush()
     finally:
         telling.close()
     return status if isinstance(status, int) else 0
+
+
+def _status_with(printed: Stream, status: int) -> int:
+    """The status to exit with once all is printed, told where that is not possible."""
+    try:
+        sys.stdout.flush()
+    except ReaderGone:
+        return status or READER_GONE
+    if printed.failure is None or isinstance(printed.failure, BrokenPipeError):
+        return status
+    told = _tell(f"can't write to standard output: {printed.failure.strerror}", 2)
+    return told if status < INTERRUPTED else status
 
 
 def _status_of(error: BaseException) -> int:
@@ -71,10 +91,8 @@ def _status_of(error: BaseException) -> int:
         return _tell(f"{error.format_message()} (cape --help tells what there is)", 2)
     if isinstance(error, BrokenPipeError):
         return 1
-    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EIO):
-        # What is left in the buffer would fail once more as the process ends.
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115
-        return _tell(f"can't write all that there is to tell: {error.strerror}", 1)
+    if isinstance(error, OSError) and error.errno in FULL:
+        return _tell(f"can't write {error.filename or 'a file'}: {error.strerror}", 2)
     if isinstance(error, typer.Abort):
         if (cut := _cut_short(error.__cause__)) is not None:
             return _tell(f"can't load {cut}: it is cut short, as by a full disk; remove it, it is made anew", 2)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import subprocess
+import tempfile
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motions.errors import FileError, UserError, ValueRangeError
+from cape.pictures.stills import picture_file, sheet
+from motions.errors import UserError, ValueRangeError
 from motions.files import whole_file
 
 if TYPE_CHECKING:
@@ -20,6 +24,7 @@ if TYPE_CHECKING:
     from cape.pictures.viewer import Viewer
 
 FPS = 25.0  # a whole number of the hundredths of a second in which a GIF tells times
+CRF = 10  # of H.264: 0 loses nothing, 51 is the worst
 SUFFIXES = (".gif", ".mp4")
 
 
@@ -58,8 +63,6 @@ def frames(
     Raises:
         UserError: there is no such view, or a time is outside of the recording.
     """
-    from cape.pictures.stills import sheet
-
     if len(sides) > 1:
         yield from (sheet(viewer, [seconds], sides, view=view) for seconds in times)
         return
@@ -77,32 +80,63 @@ def save(pictures: Iterable[Image], path: Path, *, fps: float = FPS) -> None:
     require_encoder(path.suffix.lower())
     pictures = iter(pictures)
     first = next(pictures)
-    with whole_file(path) as partial:
-        if path.suffix.lower() == ".gif":
-            _gif(first, pictures, partial, fps)
-        else:
+    if path.suffix.lower() == ".gif":
+        with picture_file(path) as file:
+            _gif(first, pictures, file, fps)
+    else:
+        with whole_file(path) as partial:
             _mp4(first, pictures, partial, fps)
 
 
-def _gif(first: Image, others: Iterable[Image], path: Path, fps: float) -> None:
+def _gif(first: Image, others: Iterable[Image], file: IO[bytes], fps: float) -> None:
     # A palette for each frame: what turns up later, such as the lining, may lack in the first one's.
     rest = (picture.quantize(256) for picture in others)
-    first.quantize(256).save(path, save_all=True, append_images=rest, duration=round(1000.0 / fps), loop=0)
+    first.quantize(256).save(file, save_all=True, append_images=rest, duration=round(1000.0 / fps), loop=0)
 
 
 def _mp4(first: Image, others: Iterable[Image], path: Path, fps: float) -> None:
+    even = (first.width // 2 * 2, first.height // 2 * 2)  # colours are kept for squares of four pixels
+    with _encoder(path, even, fps) as frames:
+        for picture in chain([first], others):
+            frames.write(picture.crop((0, 0, *even)).tobytes())
+
+
+@contextmanager
+def _encoder(path: Path, size: tuple[int, int], fps: float) -> Iterator[IO[bytes]]:
+    """Give what takes the pixels of frames in RGB; the file is whole as the block ends.
+
+    Raises:
+        OSError: it can't be written.
+    """
     import imageio_ffmpeg
 
-    even = (first.width // 2 * 2, first.height // 2 * 2)  # colours are kept for squares of four pixels
-    rate: Any = fps  # it is handed on as it is, though the library speaks of whole numbers
-    writer = imageio_ffmpeg.write_frames(
-        str(path), even, fps=rate, quality=8, macro_block_size=2, output_params=["-movflags", "+faststart"]
-    )
-    try:
-        writer.send(None)
-        for picture in chain([first], others):
-            writer.send(picture.crop((0, 0, *even)).tobytes())
-    except OSError as error:
-        raise FileError(f"can't write the film: {' '.join(str(error).split())[-200:]}") from error
-    finally:
-        writer.close()
+    # imageio_ffmpeg's own writer does not tell that the file was cut short.
+    command = [
+        imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-v", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
+        "-s", "{}x{}".format(*size), "-r", f"{fps:.9g}", "-i", "-", "-an", "-c:v", "libx264", "-pix_fmt", "yuv420p",
+        "-crf", str(CRF), "-movflags", "+faststart", str(path),
+    ]  # fmt: skip
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=said,
+            restore_signals=False,  # a file that may not grow is an error that it tells, and not its end
+            start_new_session=True,  # what interrupts this process is not for it
+        )
+        assert process.stdin is not None
+        try:
+            with process.stdin:
+                yield process.stdin
+            status = process.wait()
+        except BrokenPipeError:  # it has ended, and said why
+            status = process.wait() or 1
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+        if status:
+            said.seek(0)
+            lines = said.read().decode(errors="replace").splitlines()
+            raise OSError(lines[-1].rpartition(": ")[2] if lines else f"the encoder ended with status {status}")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import io
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,5 +67,23 @@ def save(picture: Image, path: Path) -> None:
     Raises:
         FileError: it can't be written.
     """
-    with whole_file(path) as partial:
-        picture.save(partial, quality=QUALITY)
+    with picture_file(path) as file:
+        picture.save(file, quality=QUALITY)
+
+
+@contextmanager
+def picture_file(path: Path) -> Iterator[io.BufferedWriter]:
+    """Give what Pillow can write a picture to; the file takes its name as the block ends.
+
+    Raises:
+        FileError: it can't be written.
+    """
+    with whole_file(path) as partial, _Numberless(io.FileIO(partial, "w")) as file:
+        yield file
+
+
+class _Numberless(io.BufferedWriter):
+    """A file that keeps its number to itself: by that Pillow writes what a disk has room for, and says nothing."""
+
+    def fileno(self) -> int:
+        raise io.UnsupportedOperation

@@ -6,7 +6,6 @@ import os
 import socket
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from cape.pictures.eye import look_from
 from motions.errors import FileError, UnknownNameError, UserError, ValueRangeError, require_package
+from motions.files import scratch_folder
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -45,8 +45,8 @@ def viewer(size: tuple[int, int]) -> Iterator[Viewer]:
     Raises:
         UserError: the viewer doesn't start; the text says what to install where a Vulkan driver is missing.
     """
-    with tempfile.TemporaryDirectory(prefix="cape-") as folder:
-        log, port, started = Path(folder, "log"), _free_port(), time.monotonic()
+    with scratch_folder() as folder:
+        log, port, started = folder / "log", _free_port(), time.monotonic()
         with log.open("wb") as said:
             process = subprocess.Popen(
                 [*_program(), "--bind", LOOPBACK, "--port", str(port), "--window-size", _window(size)],
@@ -54,7 +54,7 @@ def viewer(size: tuple[int, int]) -> Iterator[Viewer]:
                 stdout=said,
                 stderr=said,
                 # What the viewer logs it also shows, on top of the picture.
-                env={**os.environ, "XDG_RUNTIME_DIR": folder, "RUST_LOG": "error"},
+                env={**os.environ, "XDG_RUNTIME_DIR": str(folder), "RUST_LOG": "error"},
             )
         try:
             yield Viewer(_connected(process, port, log), size, clear_at=started + NOTES)

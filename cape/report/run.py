@@ -127,7 +127,7 @@ def run(
         folder: where the figures of what is done are kept until all are there; an interrupted run goes on from them.
         told: called before each scene and before each other part, with a name and the number of
             steps; gives what is called at each step.
-        keep: called with each scene's runs while they are in memory.
+        keep: called with each scene's runs while they are in memory, once their figures are kept.
 
     Raises:
         UnknownNameError: there is no scene or no solver of that name.
@@ -142,10 +142,10 @@ def run(
         if known is None:
             stage = Stage(standard_scene(name), seconds=plan.seconds, reference_s=REFERENCE_SHARE * plan.scene_s)
             done = sweep(stage, plan, partial(told, name))
+            known = Scene.of(done).as_json()
+            parts.write(name, known)  # first of all: what `keep` writes is larger, and may not find room
             for each in keep:
                 each(done)
-            known = Scene.of(done).as_json()
-            parts.write(name, known)
         scenes.append(Scene.from_json(known))
     outcomes: list[Outcome] = []
     advance = told("stress cases", len(plan.cases) * len(plan.solvers))
@@ -247,6 +247,11 @@ class _Parts:
         except OSError as error:
             raise FileError(f"can't write to {self._folder}: {error.strerror}") from error
         write_text(self._folder / f"{name}.json", json.dumps({"key": self._key, "figures": figures}))
+
+
+def has_parts(folder: Path) -> bool:
+    """Tell whether there is anything that a run goes on from."""
+    return any((folder / PARTS).glob("*.json"))
 
 
 def forget_parts(folder: Path) -> None:

@@ -4,11 +4,18 @@ import os
 import resource
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
-from cape.cli import _cut_short
+from cape.cli import _cut_short, _status_of
+from cape.pictures import films, stills
+from cape.pictures.viewer import require_viewer
+from motions.errors import FileError, UserError
+from motions.files import scratch_folder
 from tests.support.command import CAPE, cape
 
 LITTLE = 3000  # bytes
@@ -26,6 +33,12 @@ LATER = {
     "point caches": ("export", "take.npz", "-o", "out.pc2"),
     "a mesh for each frame": ("export", "take.npz", "-o", "out.ply"),
     "textures": ("fabrics", "--write", "fabrics"),
+}
+DRAWN = {
+    "a picture": ("render", "out.rrd", "-o", "out.png"),
+    "a small picture": ("render", "out.rrd", "-o", "out.jpg"),
+    "a film": ("render", "out.rrd", "--film-fps", "10", "-o", "out.gif"),
+    "a film that is encoded": ("render", "out.rrd", "--film-fps", "10", "-o", "out.mp4"),
 }
 
 
@@ -61,6 +74,76 @@ def test_so_it_is_of_all_else_that_is_written(what: str, tmp_path: Path):
     if "take.npz" in LATER[what]:
         assert cape("replay", *SHORT, "-o", "take.npz", folder=tmp_path).returncode == 0
     assert refused(LATER[what], tmp_path).startswith("cape: can't write ")
+
+
+@pytest.fixture
+def little(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """No file of this process may get larger than `LITTLE`."""
+    Image.init()  # what is imported later would be kept cut short
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (LITTLE, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.parametrize("name", ["out.png", "out.jpg", "out.gif", "out.mp4"])
+def test_pictures_and_films_are_whole_or_not_there(name: str, little: None, tmp_path: Path):
+    if name.endswith(".mp4"):
+        pytest.importorskip("imageio_ffmpeg", reason="pip install 'cape[film]'")
+    noise = np.random.default_rng(0).integers(0, 255, (3, 64, 64, 3), dtype=np.uint8)
+    pictures = map(Image.fromarray, noise)
+    path = tmp_path / name
+    path.write_text("what was there")
+    with pytest.raises(FileError, match=rf"^can't write .*{name}: File too large$"):
+        films.save(pictures, path) if path.suffix in films.SUFFIXES else stills.save(next(pictures), path)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert path.read_text() == "what was there"
+
+
+def test_no_room_for_temporary_files_is_told(monkeypatch: pytest.MonkeyPatch):
+    def full(prefix: str) -> str:
+        raise FileNotFoundError(2, "No usable temporary directory found in ['/tmp']")
+
+    monkeypatch.setattr("tempfile.TemporaryDirectory", full)
+    with (
+        pytest.raises(FileError, match=r"^can't write temporary files: No usable temp"),
+        scratch_folder(),
+    ):
+        pass
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """A recording; skips where nothing can be drawn."""
+    try:
+        require_viewer()
+    except UserError as error:
+        pytest.skip(str(error))
+    folder = tmp_path_factory.mktemp("recorded")
+    assert cape("replay", *SHORT, "-o", "out.rrd", folder=folder).returncode == 0
+    return (folder / "out.rrd").read_bytes()
+
+
+@pytest.mark.extra
+@pytest.mark.parametrize("what", DRAWN)
+def test_so_it_is_of_what_is_drawn(what: str, recorded: bytes, tmp_path: Path):
+    (tmp_path / "out.rrd").write_bytes(recorded)
+    assert refused(DRAWN[what], tmp_path).startswith("cape: can't write out.")
+
+
+@pytest.mark.extra
+def test_so_it_is_of_a_gallery(recorded: bytes, tmp_path: Path):
+    asked = ("gallery", "-o", "pages", "--garment", "half_cape", "--clip", "idle")
+    assert refused(asked, tmp_path).startswith("cape: can't write ")
+    assert not list((tmp_path / "pages").iterdir())
+
+
+def test_a_full_disk_that_nobody_expected_is_told_in_a_line(capsys: pytest.CaptureFixture[str]):
+    assert _status_of(OSError(28, "No space left on device", "some.log")) == 2
+    assert capsys.readouterr().err == "cape: can't write some.log: No space left on device\n"
+    with pytest.raises(OSError, match="Not a directory"):
+        _status_of(OSError(20, "Not a directory", "some.log"))
 
 
 def test_a_file_of_python_that_a_full_disk_has_cut_short_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

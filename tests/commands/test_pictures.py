@@ -159,16 +159,20 @@ def test_a_gif_plays_all_frames_in_their_time(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["film.gif"]
 
 
-def test_a_film_that_breaks_off_leaves_the_one_before(tmp_path):
+@pytest.mark.parametrize("name", ["film.gif", "film.mp4"])
+def test_a_film_that_breaks_off_leaves_the_one_before(name: str, tmp_path: Path):
+    if name.endswith(".mp4"):
+        pytest.importorskip("imageio_ffmpeg", reason="pip install 'cape[film]'")
+
     def breaks() -> Iterator[Image.Image]:
         yield Image.new("RGB", (8, 6))
         raise KeyboardInterrupt
 
-    (tmp_path / "film.gif").write_text("kept")
+    (tmp_path / name).write_text("kept")
     with pytest.raises(KeyboardInterrupt):
-        films.save(breaks(), tmp_path / "film.gif")
-    assert (tmp_path / "film.gif").read_text() == "kept"
-    assert [path.name for path in tmp_path.iterdir()] == ["film.gif"]
+        films.save(breaks(), tmp_path / name)
+    assert (tmp_path / name).read_text() == "kept"
+    assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
 def test_a_gallery_shows_every_garment_and_every_fabric():

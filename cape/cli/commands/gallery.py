@@ -2,7 +2,6 @@
 
 import shlex
 import sys
-import tempfile
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,7 +23,7 @@ from cape.results.take import Take
 from cape.run.simulate import simulate
 from cape.run.whereabouts import Diverged
 from motions.errors import FileError, UserError, ValueRangeError
-from motions.files import write_text
+from motions.files import scratch_folder, write_text
 
 LAYERS = ("cape", "robot", "body", "skeleton", "hitboxes", "floor")
 SIZE = (400, 400)  # [pixels] of a picture, of which a sheet has six
@@ -45,12 +44,12 @@ def run(
     require_viewer()
     characters = {clip: read_character(Reading(clip, skeleton=robot)) for clip in motions}
     pictures: dict[Costume, list[Shown]] = {}
-    with sections() as told, tempfile.TemporaryDirectory(prefix="cape-") as folder:
+    with sections() as told, scratch_folder() as folder:
         for costume in costumes:
             drawn = told(costume.title, len(motions))
             pictures[costume] = []
             for clip, who in characters.items():
-                pictures[costume].append(_shown(costume, clip, who, output, Path(folder, "take.rrd")))
+                pictures[costume].append(_shown(costume, clip, who, output, folder / "take.rrd"))
                 drawn()
             _write(output, pictures, robot)
     print_rows(

@@ -2,7 +2,6 @@
 
 import math
 import re
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from cape.pictures.eye import side_of
 from cape.pictures.stills import Side
 from cape.pictures.viewer import Viewer, require_recording, require_viewer, viewer
 from motions.errors import UnknownNameError, UserError, ValueRangeError
+from motions.files import scratch_folder
 
 STILLS = (".png", ".jpg", ".jpeg")
 LEAST, MOST = 16, 4096  # [pixels] of a picture's side
@@ -89,11 +89,11 @@ def run(reading: Reading, cut: Cut, shots: Shots, *, output: Path | None, hitbox
         raise UserError("--start and --end choose the part of a recording that is filmed: a still picture takes --at")
     films.require_encoder(suffix)
     begin, end = reading.start, reading.end
-    with tempfile.TemporaryDirectory(prefix="cape-") as folder:
+    with scratch_folder() as folder:
         if recording is None:
             cut.check()
             require_viewer()
-            recording, begin, end = Path(folder, "replayed.rrd"), None, None  # the clip itself is trimmed
+            recording, begin, end = folder / "replayed.rrd", None, None  # the clip itself is trimmed
             if not _replay(reading, cut, recording, hitboxes):
                 return 130
         with ended_in_order(), viewer(shots.size) as shown:

@@ -11,7 +11,7 @@ from cape.bench.plot import require_matplotlib
 from cape.cli.measuring import require_folder, sections
 from cape.report.measured.sweep import Sweep
 from cape.report.plan import FULL, QUICK, Plan
-from cape.report.run import forget_parts, run
+from cape.report.run import Report, forget_parts, has_parts, run
 from cape.report.shown import page
 from cape.report.shown.plot import save_diagram, save_energy, save_space_diagram
 from cape.report.shown.recording import save_runs
@@ -36,27 +36,39 @@ def report(
     require_folder(output)
     drawn = _can_draw()
 
+    def recording(scene: str) -> Path:
+        return output / f"{scene}.rrd"
+
     def record(done: Sweep) -> None:
-        save_runs(done, output / f"{done.stage.standard.name}.rrd")
+        save_runs(done, recording(done.stage.standard.name))
 
     try:
         with sections() as told:
             found = run(plan, output, told, keep=(record,))
+        if drawn:
+            _draw(found, output)
+        write_text(output / "report.json", json.dumps(found.as_json(), indent=1) + "\n")
+        recorded = [scene.name for scene in found.scenes if recording(scene.name).exists()]
+        command = _command(quick, scenes, solvers, only)
+        text = page.write(found, output, pictures=drawn, recordings=recorded, command=command)
     except KeyboardInterrupt:
         print("interrupted: the same command goes on with the scene that it was at", file=sys.stderr)
         return 130
-    if drawn:
-        for scene in found.scenes:
-            save_diagram(scene, output / f"{scene.name}.png")
-        if found.space:
-            save_space_diagram(found.space, output / "space.png")
-        for name in plan.balances:
-            save_energy([account for account in found.energy if account.scene == name], output / f"{name}_energy.png")
-    write_text(output / "report.json", json.dumps(found.as_json(), indent=1) + "\n")
-    text = page.write(found, output, pictures=drawn, recordings=True, command=_command(quick, scenes, solvers, only))
+    except FileError as error:
+        kept = "; what was measured is kept, and the same command goes on from there" if has_parts(output) else ""
+        raise FileError(f"{error}{kept}") from error
     forget_parts(output)
     _print(text, output)
     return 0
+
+
+def _draw(found: Report, output: Path) -> None:
+    for scene in found.scenes:
+        save_diagram(scene, output / f"{scene.name}.png")
+    if found.space:
+        save_space_diagram(found.space, output / "space.png")
+    for name in found.plan.balances:
+        save_energy([account for account in found.energy if account.scene == name], output / f"{name}_energy.png")
 
 
 def chosen(plan: Plan, scenes: tuple[str, ...], solvers: tuple[str, ...]) -> Plan:

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 from cape.bench.plot import NAMES
@@ -35,14 +35,14 @@ img { max-width: 100% }
 """
 
 
-def markdown(report: Report, *, pictures: bool, recordings: bool, command: str) -> str:
+def markdown(report: Report, *, pictures: bool, recordings: bool | Collection[str], command: str) -> str:
     """The page.
 
     Args:
         report: what to show.
         pictures: whether there is NAME.png for each scene, NAME_energy.png where its energy is accounted for, and
             space.png.
-        recordings: whether there is NAME.rrd for each scene.
+        recordings: whether there is NAME.rrd for each scene, or the names of those for which there is.
         command: that made it.
     """
     machine, versions = report.machine, ", ".join(f"{name} {v}" for name, v in report.versions.items())
@@ -58,7 +58,8 @@ def markdown(report: Report, *, pictures: bool, recordings: bool, command: str) 
     lines += ["", *_energy(report, pictures=pictures)]
     lines += ["", *world.section(report.world)]
     for scene in report.scenes:
-        lines += ["", *_section(scene, pictures=pictures, recordings=recordings)]
+        recorded = recordings if isinstance(recordings, bool) else scene.name in recordings
+        lines += ["", *_section(scene, pictures=pictures, recorded=recorded)]
     if report.plan.scenes:
         lines += ["", *_notes()]
     return "\n".join(lines) + "\n"
@@ -283,7 +284,7 @@ def _account(account: Account) -> list[str]:
     return [NAMES[account.solver], account.setting + why, *terms, f"{account.gap:.0e}"]
 
 
-def _section(scene: Scene, *, pictures: bool, recordings: bool) -> list[str]:
+def _section(scene: Scene, *, pictures: bool, recorded: bool) -> list[str]:
     sure = scene.uncertainty
     lines = [f"## {scene.name}", ""]
     if pictures:
@@ -292,7 +293,7 @@ def _section(scene: Scene, *, pictures: bool, recordings: bool) -> list[str]:
         f"{scene.vertices:,} vertices, {scene.seconds:g} s. The reference, {NAMES[sure.solver]} in double precision "
         f"at {sure.substeps} substeps, changes by {number(sure.rms_mm)} mm (at most {number(sure.max_mm)} mm, mean "
         f"shape {number(sure.shape_mm)} mm{_and_window(sure)}) when its step is halved."
-        + (f" Side by side: `rerun {scene.name}.rrd`." if recordings else ""),
+        + (f" Side by side: `rerun {scene.name}.rrd`." if recorded else ""),
         "",
     ]
     columns: list[tuple[str, Callable[[Row], str]]] = [
@@ -364,7 +365,7 @@ def _speed(row: Row) -> str:
     return f"{number(1.0 / row.seconds_per_second)} x" + " (disturbed)" * row.disturbed
 
 
-def write(report: Report, folder: Path, *, pictures: bool, recordings: bool, command: str) -> str:
+def write(report: Report, folder: Path, *, pictures: bool, recordings: bool | Collection[str], command: str) -> str:
     """Write REPORT.md and REPORT.html into a folder, and give the text of the first."""
     text = markdown(report, pictures=pictures, recordings=recordings, command=command)
     write_text(folder / "REPORT.md", text)

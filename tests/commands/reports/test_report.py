@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -238,17 +239,15 @@ def test_an_interrupted_report_goes_on_where_it_was(tmp_path: Path, monkeypatch:
 
     def build(name: str) -> StandardScene:
         measured.append(name)
-        return dataclasses.replace(swinging(spacing=0.2, seconds=0.3), name=name)
-
-    def stop(done) -> None:
-        if done.stage.standard.name == "second":
+        if measured == ["first", "second"]:
             raise KeyboardInterrupt
+        return dataclasses.replace(swinging(spacing=0.2, seconds=0.3), name=name)
 
     monkeypatch.setattr(run, "standard_scene", build)
     monkeypatch.setattr(run, "compile_all", lambda plan: None)
     plan = dataclasses.replace(TINY, scenes=("first", "second"), cases=("jerky",), balances=("third",))
     with pytest.raises(KeyboardInterrupt):
-        run.run(plan, tmp_path, keep=(stop,))
+        run.run(plan, tmp_path)
     report = run.run(plan, tmp_path)
     assert measured == ["first", "second", "second", "third"]
     assert [(account.scene, account.solver) for account in report.energy] == [
@@ -263,6 +262,34 @@ def test_an_interrupted_report_goes_on_where_it_was(tmp_path: Path, monkeypatch:
     assert measured[4:] == ["first"]
     forget_parts(tmp_path)
     assert not (tmp_path / PARTS).exists()
+
+
+def test_what_was_measured_is_kept_where_its_recording_can_not_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    measured: list[str] = []
+
+    def build(name: str) -> StandardScene:
+        measured.append(name)
+        return dataclasses.replace(swinging(spacing=0.2, seconds=0.3), name=name)
+
+    def full(done) -> None:
+        raise FileError("can't write it: No space left on device")
+
+    monkeypatch.setattr(run, "standard_scene", build)
+    monkeypatch.setattr(run, "compile_all", lambda plan: None)
+    plan = dataclasses.replace(TINY, scenes=("first",), solvers=("euler",), cases=())
+    with pytest.raises(FileError):
+        run.run(plan, tmp_path, keep=(full,))
+    assert [found.name for found in run.run(plan, tmp_path, keep=(full,)).scenes] == ["first"]
+    assert measured == ["first"]
+
+
+def test_the_page_names_the_recordings_that_there_are():
+    scenes = [dataclasses.replace(scene(row()), name=name) for name in ("first", "second")]
+    text = page.markdown(run.Report(TINY, scenes, []), pictures=False, recordings=["second"], command="cape report")
+    assert "rerun second.rrd" in text
+    assert "rerun first.rrd" not in text
 
 
 def test_the_choice_is_the_fastest_that_is_accurate_enough():
@@ -496,25 +523,62 @@ def test_the_command_refuses_what_does_not_exist(option: str, name: str, tmp_pat
     assert "available" in done.stderr
 
 
-def test_the_command_writes_page_diagrams_facts_and_recordings(tmp_path: Path):
-    import rerun as rr
-
+def reported(folder: Path, *, largest: int = -1) -> subprocess.CompletedProcess[str]:
+    """A small report by the command, in the subfolder out, where no file may be larger than `largest` [bytes]."""
     plan = dataclasses.replace(
         TINY, scenes=("swing",), solvers=("euler",), every=4, cases=("jerky",), spacings=(0.06, 0.03)
     )
     script = f"""
+import resource
 import sys
 from cape.report.plan import Plan
 from cape.cli import main
 from cape.cli.commands import report
 report.QUICK = {plan!r}
-sys.argv = ["cape", "report", "--quick", "-o", {str(tmp_path / "out")!r}]
+sys.argv = ["cape", "report", "--quick", "-o", {str(folder / "out")!r}]
+resource.setrlimit(resource.RLIMIT_FSIZE, ({largest}, -1))
 if __name__ == "__main__":
     main()
 """
-    path = tmp_path / "command.py"
+    path = folder / "command.py"
     path.write_text(script)
-    done = subprocess.run([sys.executable, path], capture_output=True, text=True, timeout=300)
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}  # what is cut short stays so
+    return subprocess.run([sys.executable, path], capture_output=True, text=True, timeout=300, env=environment)
+
+
+@pytest.mark.extra
+def test_a_full_disk_leaves_what_was_measured_and_the_same_command_goes_on(tmp_path: Path):
+    goes_on = "; what was measured is kept, and the same command goes on from there"
+    folder = tmp_path / "out"
+    first = reported(tmp_path, largest=100_000)
+    assert first.returncode == 2
+    told = first.stderr.splitlines()[-1]
+    assert told.startswith(f"cape: can't write {folder}/swing.rrd: ")
+    assert told.endswith(goes_on)
+    kept = {path: path.read_bytes() for path in (folder / PARTS).iterdir()}
+    assert [path.name for path in kept] == ["swing.json"]
+    second = reported(tmp_path, largest=30_000)
+    assert second.returncode == 2
+    assert second.stderr.splitlines()[-1] == f"cape: can't write {folder}/swing.png: File too large{goes_on}"
+    assert "swing: " not in second.stderr
+    assert {path.name for path in folder.iterdir()} == {PARTS}
+    assert all(path.read_bytes() == before for path, before in kept.items())
+    third = reported(tmp_path)
+    assert third.returncode == 0
+    assert {path.name for path in folder.iterdir()} == {
+        "REPORT.md",
+        "REPORT.html",
+        "report.json",
+        "swing.png",
+        "space.png",
+    }
+    assert "swing.rrd" not in (folder / "REPORT.md").read_text()
+
+
+def test_the_command_writes_page_diagrams_facts_and_recordings(tmp_path: Path):
+    import rerun as rr
+
+    done = reported(tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Which solver for which accuracy" in done.stdout
     folder = tmp_path / "out"
