@@ -170,7 +170,7 @@ def _slopes(cloth: MeshCloth, edges: Edges, unfolded: Unfolded) -> Slopes:
 
     coefficients, clear = _corrected(local, inside, _mean_slope(local, inside[:, 3]))
     unclear = np.flatnonzero(~clear)
-    grown = [_grown(cloth, unfolded, int(t[e]), int(c[e])) for e in unclear]
+    grown = _grown([Patch(cloth, unfolded, int(t[e]), int(c[e])) for e in unclear])
     most = max([members.shape[1], *(len(wider) for wider, _ in grown)])
     members = np.pad(members, ((0, 0), (0, most - members.shape[1])), mode="edge")
     coefficients = np.pad(coefficients, ((0, 0), (0, most - coefficients.shape[1])))
@@ -248,40 +248,77 @@ def _corrected(local: FloatArray, inside: NDArray[np.bool_], mean: FloatArray) -
     return mean + change, clear
 
 
-def _grown(cloth: MeshCloth, unfolded: Unfolded, triangle: int, side: int) -> tuple[IntArray, FloatArray]:
-    """The same for one edge, on as many triangles around as it needs; as they are where there are too few.
+class Patch:
+    """The vertices of some triangles around an edge, laid out in the plane of one of the two beside it.
 
-    Returns vertices (M,) and coefficients (M,) of the slope times the edge's length.
+    Attributes:
+        both: whether there is a triangle on either side.
+        members: the vertices, first both ends, then the third corners of one triangle and of the other, M in all.
+        local: where they lie, along the edge and away from the first triangle, from its middle and over its length,
+            shape (M, 2).
     """
-    faces, corners = cloth.faces, cloth.corners
-    frames = {int(triangle): (np.eye(2), np.zeros(2))}
-    if (beyond := unfolded.neighbour[triangle, side]) >= 0:
-        frames[int(beyond)] = (unfolded.turn[triangle, side], unfolded.shift[triangle, side])
-    second = faces[beyond, (unfolded.side[triangle, side] + 2) % 3] if beyond >= 0 else faces[triangle, side]
-    order = [*(faces[triangle, (side + step) % 3] for step in range(3)), second]
-    a, b = corners[triangle, side], corners[triangle, (side + 1) % 3]
-    length = float(np.linalg.norm(b - a))
-    along = (b - a) / length
-    away = np.array([along[1], -along[0]])
-    away *= -np.sign((corners[triangle, (side + 2) % 3] - a) @ away)
-    taken_in = 0
-    while True:
-        for here in list(frames):
-            turn, shift = frames[here]
+
+    def __init__(self, cloth: MeshCloth, unfolded: Unfolded, triangle: int, side: int) -> None:
+        """The two triangles beside a side of one."""
+        self._cloth, self._unfolded = cloth, unfolded
+        faces, corners = cloth.faces[triangle], cloth.corners[triangle]
+        a, b = corners[side], corners[(side + 1) % 3]
+        self._middle, length = 0.5 * (a + b), float(np.linalg.norm(b - a))
+        along = (b - a) / length
+        away = np.array([along[1], -along[0]])
+        away *= -np.sign((corners[(side + 2) % 3] - a) @ away)
+        self._axes = np.stack([along, away], axis=1) / length
+        beyond = int(unfolded.neighbour[triangle, side])
+        self.both = beyond >= 0
+        second = cloth.faces[beyond, (unfolded.side[triangle, side] + 2) % 3] if self.both else faces[side]
+        self._places: dict[int, FloatArray] = {}
+        self._frames: dict[int, tuple[FloatArray, FloatArray]] = {}
+        self._add(triangle, np.eye(2), np.zeros(2))
+        if self.both:
+            self._add(beyond, unfolded.turn[triangle, side], unfolded.shift[triangle, side])
+        first = [*(int(faces[(side + step) % 3]) for step in range(3)), int(second)]
+        self._order, self._outermost = first, list(self._frames)
+
+    def grow(self) -> None:
+        """Take in the neighbours of all triangles."""
+        u, added = self._unfolded, len(self._frames)
+        for here in self._outermost:
+            turn, shift = self._frames[here]
             for c in range(3):
-                there = int(unfolded.neighbour[here, c])
-                if there >= 0 and there not in frames:
-                    frames[there] = (turn @ unfolded.turn[here, c], turn @ unfolded.shift[here, c] + shift)
-        places: dict[int, FloatArray] = {}
-        for t, (turn, shift) in frames.items():
-            for c in range(3):
-                places.setdefault(int(faces[t, c]), turn @ corners[t, c] + shift)
-        members = [*map(int, order), *(v for v in places if v not in order)]
-        offset = (np.array([places[v] for v in members]) - 0.5 * (a + b)) / length
-        local = np.stack([offset @ along, offset @ away], axis=1)[None]
-        inside = np.ones(local.shape[:2], dtype=bool)
-        inside[0, 3] = beyond >= 0
+                there = int(u.neighbour[here, c])
+                if there >= 0 and there not in self._frames:
+                    self._add(there, turn @ u.turn[here, c], turn @ u.shift[here, c] + shift)
+        self._outermost = list(self._frames)[added:]
+        self.members = [*self._order, *(v for v in self._places if v not in self._order)]
+        self.local = (np.array([self._places[v] for v in self.members]) - self._middle) @ self._axes
+
+    def _add(self, triangle: int, turn: FloatArray, shift: FloatArray) -> None:
+        self._frames[triangle] = turn, shift
+        places = self._cloth.corners[triangle] @ turn.T + shift
+        for vertex, place in zip(self._cloth.faces[triangle].tolist(), places, strict=True):
+            self._places.setdefault(vertex, place)
+
+
+def _grown(patches: list[Patch]) -> list[tuple[IntArray, FloatArray]]:
+    """The same for some edges, each on as many triangles around as it needs; as they are where there are too few.
+
+    Returns of each the vertices (M,) and the coefficients (M,) of the slope times the edge's length.
+    """
+    found: dict[Patch, tuple[IntArray, FloatArray]] = {}
+    left = patches
+    for taken_in in range(1, GROWN + 1):
+        if not left:
+            break
+        for patch in left:
+            patch.grow()
+        most = max(len(patch.members) for patch in left)
+        local, inside = np.zeros((len(left), most, 2)), np.zeros((len(left), most), dtype=bool)
+        for place, patch in enumerate(left):
+            local[place, : len(patch.members)], inside[place, : len(patch.members)] = patch.local, True
+            inside[place, 3] = patch.both
         coefficients, clear = _corrected(local, inside, _mean_slope(local, inside[:, 3]))
-        taken_in += 1
-        if clear[0] or taken_in == GROWN:
-            return np.array(members), coefficients[0]
+        for place, patch in enumerate(left):
+            if clear[place] or taken_in == GROWN:
+                found[patch] = np.array(patch.members), coefficients[place, : len(patch.members)]
+        left = [patch for patch in left if patch not in found]
+    return [found[patch] for patch in patches]
