@@ -40,7 +40,7 @@ class SkinPiece:
         target_morphs: which of the skin's M morphs weighs each target, shape (K,); None where there is none.
 
     Raises:
-        ValueRangeError: shapes don't fit each other, or a triangle has a vertex that there is not.
+        ValueRangeError: shapes don't fit each other, there is no triangle, or one has a vertex that there is not.
     """
 
     name: str
@@ -76,7 +76,11 @@ class SkinPiece:
                 raise ValueRangeError(f"{own}: {name} hold a number that isn't finite")
         if (self.targets is None) != (self.target_morphs is None):
             raise ValueRangeError(f"{own}: morph targets come with the morphs that weigh them")
-        if self.triangles.size and not (self.triangles.min() >= 0 and self.triangles.max() < count):
+        if self.target_morphs is not None and not targets:
+            raise ValueRangeError(f"{own}: morph targets must be None where there are none")
+        if not len(self.triangles):
+            raise ValueRangeError(f"{own} has no triangle")
+        if not (self.triangles.min() >= 0 and self.triangles.max() < count):
             raise ValueRangeError(f"{own}: a triangle has a vertex that is not among the {count} there are")
 
     @property
@@ -92,10 +96,10 @@ class Skin:
     Attributes:
         bones: name of the joint of each of N bindings; a joint may have several.
         binds: mesh_to_joint of each, from the mesh's frame and unit to the joint's frame [m]; affine, shape (N, 3, 4).
-        pieces: the mesh.
+        pieces: the mesh, at least one.
 
     Raises:
-        ValueRangeError: a piece hangs at a binding that there is not, or shapes don't fit.
+        ValueRangeError: there is no piece, one hangs at a binding that there is not, or shapes don't fit.
     """
 
     bones: tuple[str, ...]
@@ -109,6 +113,8 @@ class Skin:
             raise ValueRangeError(f"binds must be numbers of the shape {(count, 3, 4)}, not {self.binds.shape}")
         if not np.isfinite(self.binds).all():
             raise ValueRangeError("binds hold a number that isn't finite")
+        if not self.pieces:
+            raise ValueRangeError("a skin has at least one piece")
         for piece in self.pieces:
             if piece.binds.size and not (piece.binds.min() >= 0 and piece.binds.max() < count):
                 raise ValueRangeError(f"the mesh {piece.name!r} hangs at a binding that is not among {count}")
@@ -162,7 +168,12 @@ class Skin:
 
         Yields:
             Vertices in the world [m], shape (V, 3), and unit normals, shape (V, 3), None where the piece has none.
+
+        Raises:
+            ValueRangeError: as `require_morphs`, before the first.
         """
+        if morphs is not None:
+            self.require_morphs(morphs, len(positions))
         used, local = np.unique(piece.binds, return_inverse=True)
         local = local.reshape(piece.binds.shape).T
         binds = self.binds[used]
