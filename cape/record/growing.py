@@ -252,7 +252,7 @@ def growing_file(
         name: of the take.
         layers: which of `LAYERS` to write, None for all.
         surfaces: meshes that the bones carry.
-        skin: mesh that the bones move, drawn in place of a body by proportions.
+        skin: mesh that the bones move, drawn in place of a body by proportions; None for the bones' own, if any.
         tab: "cape" or "hitboxes", which of the two the viewer shows first.
 
     Raises:

@@ -74,7 +74,7 @@ def broken(path: Path, where: str, value: object) -> None:
         ("morphs", None, ""),
         ("bones", {"tuple": ["hip", "tail", "hip", "hip", "hip"]}, "hangs at 'tail', which isn't among"),
         ("bones", {"tuple": ["hip"]}, r"binds must be numbers of the shape \(1, 3, 4\)"),
-        ("pieces", {"tuple": [3]}, "'int' object"),
+        ("pieces", {"tuple": [3]}, "pieces must be a sequence, each a SkinPiece"),
         ("binds", {"array": "take.triangles"}, "binds must be numbers of the shape"),
         ("triangles", {"numbers": [[0, 1, 7]], "of": "<i8"}, "a vertex that is not among the 7"),
         ("weights", {"array": "take.bones.skin.pieces.0.vertices"}, "weights must be numbers"),
@@ -103,12 +103,19 @@ def test_a_kept_mesh_that_makes_no_sense_ends_in_a_line(where, value, told, take
         ({"targets": np.zeros((2, 7, 3)), "target_morphs": np.array([0])}, r"targets must be numbers of the shape \(1"),
         ({"targets": np.zeros((0, 7, 3)), "target_morphs": np.zeros(0, int)}, "must be None where there are none"),
         ({"triangles": np.zeros((0, 3), int)}, "has no triangle"),
+        ({"vertices": "all"}, "vertices must be an array of numbers"),
     ],
 )  # fmt: skip
 def test_a_mesh_that_does_not_fit_is_refused(changes, told, take: Take):
     skin = skin_of(take)
     with pytest.raises(ValueRangeError, match=told):
         replace(skin, pieces=(replace(skin.pieces[0], **changes),))
+
+
+def test_a_mesh_may_be_told_by_lists(take: Take):
+    coat = skin_of(take).pieces[0]
+    told = replace(coat, vertices=coat.vertices.tolist(), triangles=coat.triangles.tolist(), binds=coat.binds.tolist())
+    assert difference(coat, told) == ""
 
 
 def test_a_skin_has_a_mesh(take: Take):
