@@ -12,14 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
+from motions.border import checked
 from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
 
+_ARRAYS = ("vertices", "triangles", "binds", "weights")
 _OPTIONAL = ("normals", "texcoords", "rgba", "targets", "normal_targets", "target_morphs")
 _WHOLE = ("triangles", "binds", "target_morphs")
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class SkinPiece:
     """A part of a character's mesh, of one material.
@@ -29,10 +32,10 @@ class SkinPiece:
         vertices: in the frame of the mesh, in the file's unit, shape (V, 3).
         normals: unit vectors there, shape (V, 3); None where the file has none.
         triangles: vertex indices, counter-clockwise seen from outside, shape (T, 3).
-        binds: which of the skin's N bindings move each vertex, shape (V, K).
-        weights: how much each of them counts, with a sum of 1, shape (V, K).
+        binds: which I of the skin's N bindings move each vertex, shape (V, I).
+        weights: how much each of them counts, with a sum of 1, shape (V, I).
         texcoords: texture coordinates from the top left, shape (V, 2); None for none.
-        rgba: colour, which a texture is multiplied by, 0 to 1 of light, shape (4,).
+        rgba: colour, which a texture is multiplied by, and opacity, 0 to 1 of light, shape (4,); None for none.
         image: the encoded image of its colour, PNG or JPEG; None for none.
         targets: how far each of K morph targets moves the vertices at a weight of 1, before any bone does, in the frame
             of the mesh, shape (K, V, 3); None for none.
@@ -40,7 +43,7 @@ class SkinPiece:
         target_morphs: which of the skin's M morphs weighs each target, shape (K,); None where there is none.
 
     Raises:
-        ValueRangeError: shapes don't fit each other, or a triangle has a vertex that there is not.
+        ValueRangeError: shapes don't fit each other, there is no triangle, or one has a vertex that there is not.
     """
 
     name: str
@@ -58,6 +61,9 @@ class SkinPiece:
 
     def __post_init__(self) -> None:
         """Check that all of it is of one mesh."""
+        for name in (*_ARRAYS, *_OPTIONAL):
+            if (array := getattr(self, name)) is not None:
+                object.__setattr__(self, name, np.asarray(array))
         count, own = len(self.vertices), f"the mesh {self.name!r}"
         influences = self.binds.shape[-1] if self.binds.ndim == 2 else 0
         shapes = {"vertices": (count, 3), "triangles": (len(self.triangles), 3)}
@@ -76,7 +82,11 @@ class SkinPiece:
                 raise ValueRangeError(f"{own}: {name} hold a number that isn't finite")
         if (self.targets is None) != (self.target_morphs is None):
             raise ValueRangeError(f"{own}: morph targets come with the morphs that weigh them")
-        if self.triangles.size and not (self.triangles.min() >= 0 and self.triangles.max() < count):
+        if self.target_morphs is not None and not targets:
+            raise ValueRangeError(f"{own}: morph targets must be None where there are none")
+        if not len(self.triangles):
+            raise ValueRangeError(f"{own} has no triangle")
+        if not (self.triangles.min() >= 0 and self.triangles.max() < count):
             raise ValueRangeError(f"{own}: a triangle has a vertex that is not among the {count} there are")
 
     @property
@@ -85,6 +95,7 @@ class SkinPiece:
         return np.take_along_axis(self.binds, self.weights.argmax(axis=1)[:, None], axis=1)[:, 0]
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Skin:
     """A character's mesh and how it hangs on the joints.
@@ -92,10 +103,10 @@ class Skin:
     Attributes:
         bones: name of the joint of each of N bindings; a joint may have several.
         binds: mesh_to_joint of each, from the mesh's frame and unit to the joint's frame [m]; affine, shape (N, 3, 4).
-        pieces: the mesh.
+        pieces: the mesh, at least one.
 
     Raises:
-        ValueRangeError: a piece hangs at a binding that there is not, or shapes don't fit.
+        ValueRangeError: there is no piece, one hangs at a binding that there is not, or shapes don't fit.
     """
 
     bones: tuple[str, ...]
@@ -104,11 +115,14 @@ class Skin:
 
     def __post_init__(self) -> None:
         """Check that the pieces hang at what there is."""
+        object.__setattr__(self, "binds", np.asarray(self.binds))
         count = len(self.bones)
         if self.binds.dtype.kind not in "fiu" or self.binds.shape != (count, 3, 4):
             raise ValueRangeError(f"binds must be numbers of the shape {(count, 3, 4)}, not {self.binds.shape}")
         if not np.isfinite(self.binds).all():
             raise ValueRangeError("binds hold a number that isn't finite")
+        if not self.pieces:
+            raise ValueRangeError("a skin has at least one piece")
         for piece in self.pieces:
             if piece.binds.size and not (piece.binds.min() >= 0 and piece.binds.max() < count):
                 raise ValueRangeError(f"the mesh {piece.name!r} hangs at a binding that is not among {count}")
@@ -162,7 +176,12 @@ class Skin:
 
         Yields:
             Vertices in the world [m], shape (V, 3), and unit normals, shape (V, 3), None where the piece has none.
+
+        Raises:
+            ValueRangeError: as `require_morphs`, before the first.
         """
+        if morphs is not None:
+            self.require_morphs(morphs, len(positions))
         used, local = np.unique(piece.binds, return_inverse=True)
         local = local.reshape(piece.binds.shape).T
         binds = self.binds[used]

@@ -56,7 +56,7 @@ def format_of(path: str | PathLike[str]) -> Format:
     """
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
-        hint = "cape replay and take.save write recordings (.rrd)." if suffix == ".rrd" else ""
+        hint = "cape replay, cape export and take.save write recordings (.rrd)." if suffix == ".rrd" else ""
         raise UnknownNameError("format of exports", suffix or Path(path).name, FORMATS, hint)
     found = FORMATS[suffix]
     if found.module is not None and importlib.util.find_spec(found.module) is None:

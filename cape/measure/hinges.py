@@ -8,6 +8,8 @@ from cape.assembly.self_contact import connected_pieces
 
 def hinges(triangles: NDArray[np.integer]) -> int:
     """How many more fans of triangles (T, 3), which hang together by edges, there are than vertices in their middle."""
+    if not len(triangles):
+        return 0
     ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
     corners = np.arange(triangles.size).reshape(triangles.shape)
     corners = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)

@@ -174,15 +174,12 @@ class GrowingFile:
         self._file, self._asked, self._surfaces, self._skin, self._entities = file, asked, surfaces, skin, entities
         self._frame_bytes, self._figure_bytes = frame_bytes, figure_bytes
         self._so_far: SoFar | None = None
+        self._sent = 0
         self.full: str | None = None
 
     @cached_property
     def _cloth(self) -> GrowingCloth:
         return GrowingCloth(self._file.stream, self._asked, self._entities())
-
-    @property
-    def _sent(self) -> int:
-        return self._cloth.sent if "_cloth" in vars(self) else 0
 
     def note(self, done: int, so_far: SoFar) -> None:
         """Take notice of frames that are done, as the `on_frame` of `cape.simulate`.
@@ -209,7 +206,7 @@ class GrowingFile:
         if not self._sent:
             raise FileError(f"can't write {self._file.path}: {self.full}")
         worn = worn_of([take])
-        bones = worn.bones.first(self._cloth.sent)
+        bones = worn.bones.first(self._sent)
         log_figure(
             self._file.stream, self._asked, bones, worn.colliders, worn.thicknesses,
             frames_of(take.name, self._cloth.finite, bones), left_out=worn.left_out, surfaces=self._surfaces,
@@ -220,14 +217,15 @@ class GrowingFile:
         self._file.check()
         if self._so_far is None:
             return
-        part, sent = self._so_far(self._sent), self._sent
+        part = self._so_far(self._sent)
         contacts = 0 if part.contacts is None else len(part.contacts.points)
         needed = self._frame_bytes * len(part.positions) + BYTES_PER_CONTACT * contacts + OVERHEAD
-        needed += self._figure_bytes * (sent + len(part.positions))
+        needed += self._figure_bytes * (self._sent + len(part.positions))
         if (room := self._file.room) < needed:
-            self.full = f"{room / 1e6:.3g} MB are free, too little for more than {sent} frames"
+            self.full = f"{room / 1e6:.3g} MB are free, too little for more than {self._sent} frames"
         else:
             self._cloth.add(part)
+            self._sent = self._cloth.sent
 
 
 @contextmanager
@@ -254,7 +252,7 @@ def growing_file(
         name: of the take.
         layers: which of `LAYERS` to write, None for all.
         surfaces: meshes that the bones carry.
-        skin: mesh that the bones move, drawn in place of a body by proportions.
+        skin: mesh that the bones move, drawn in place of a body by proportions; None for the bones' own, if any.
         tab: "cape" or "hitboxes", which of the two the viewer shows first.
 
     Raises:

@@ -166,13 +166,12 @@ def save_hitboxes(
         FileError: the file can't be written.
     """
     require_recorder()
-    asked = with_surfaces(
-        check_layers(layers, BODY_LAYERS if (skin or bones.skin) is None else (*BODY_LAYERS, "body")), surfaces
-    )
+    skin = skin or bones.skin
+    asked = with_surfaces(check_layers(layers, BODY_LAYERS if skin is None else (*BODY_LAYERS, "body")), surfaces)
     frames = finite_frames(name, bones)
     colliders = drawable(colliders)
     thicknesses = [thickness if c.thickness is None else c.thickness for c in colliders]
-    skin = (skin or bones.skin) if "body" in asked else None
+    skin = skin if "body" in asked else None
     blueprint = layout(asked, figure_height(bones, frames, surfaces, skin), colliders, tab="hitboxes")
     size = OVERHEAD + skin_size(skin, len(frames.numbers))
     with recording_file(path, name=name, opening=lambda: ("cape hitboxes", blueprint), size=size) as file:

@@ -43,7 +43,7 @@ def fits(value: Any, hint: Any, *, loosely: bool = False) -> bool:
         return callable(value)
     if not isinstance(kind, type):
         return True
-    if issubclass(kind, tuple | Sequence) and kind is not str and not hasattr(kind, "_fields"):
+    if issubclass(kind, tuple | Sequence) and kind not in (str, bytes) and not hasattr(kind, "_fields"):
         # A list or an array in place of a tuple does as well.
         if isinstance(value, str | bytes | Mapping) or not isinstance(value, Sized) or getattr(value, "ndim", 1) == 0:
             return False

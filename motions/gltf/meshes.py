@@ -59,7 +59,7 @@ class Gathering:
                 if node["skin"] not in first:
                     first[node["skin"]] = self._skinned(self.document.list_of("skins")[node["skin"]])
                 self._take(node, number, first[node["skin"]])
-            elif (carrier := next((a for a in self.nodes.above(number) if a in self.joints), None)) is not None:
+            elif (carrier := self.nodes.carrier(number, self.joints)) is not None:
                 self._take(node, number, self._fixed(number, carrier), fixed=True)
             else:
                 self.notes.append(f"left out: the mesh {self.nodes.names[number]!r}, which no joint carries")

@@ -4,7 +4,7 @@ A mesh counts as it is by the weights that its node or itself states; what an an
 difference from these. So whoever knows nothing of morphs has the mesh as the file states it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from motions.errors import FileError
 from motions.gltf.accessors import require_sane, values_of
 from motions.gltf.document import Document
+from motions.gltf.nodes import Nodes
 
 FloatArray = NDArray[np.float64]
 
@@ -110,11 +111,11 @@ def stated_weights(document: Document, number: int, count: int) -> FloatArray:
     return found
 
 
-def target_counts(document: Document) -> dict[int, int]:
-    """How many targets the mesh of each node has, by the node's number, of those that have any."""
+def target_counts(document: Document, nodes: Nodes, joints: Container[int]) -> dict[int, int]:
+    """How many targets the mesh of each node has, by the node's number, where it has any and joints carry it."""
     found = {}
     for number, node in enumerate(document.list_of("nodes")):
-        if "mesh" in node:
+        if "mesh" in node and ("skin" in node or nodes.carrier(number, joints) is not None):
             mesh = document.list_of("meshes")[node["mesh"]]
             count = max((len(each.get("targets", ())) for each in mesh["primitives"]), default=0)
             if count:

@@ -1,6 +1,6 @@
 """The nodes of a glTF file (3.5): which hangs at which, and each one's transform to the one above."""
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,6 +41,10 @@ class Nodes:
         while (node := self.parents[node]) >= 0:
             way.append(node)
         return way
+
+    def carrier(self, node: int, joints: Container[int]) -> int | None:
+        """The first of some joints that is the node, or above it; None for none."""
+        return next((above for above in self.above(node) if above in joints), None)
 
     def with_above(self, nodes: Iterable[int]) -> list[int]:
         """The nodes and all above them, those above first."""

@@ -58,7 +58,7 @@ def _figure(document: Document, rate: float | None, asked: str | None) -> Record
     if asked is not None and is_elsewhere(asked):
         moved, fps, remarks = borrowed(document, nodes, every, Path(asked), rate)
     else:
-        moved, morphs.moved, fps, remarks = _moved(document, nodes, every, rate, asked)
+        moved, morphs.moved, fps, remarks = _moved(document, nodes, chosen, rate, asked)
     places, turns, stretches = world_poses(nodes, every, chosen, moved)
     for each in (places, stretches):
         require_sane(document, each, "joints")
@@ -97,7 +97,7 @@ def _figure(document: Document, rate: float | None, asked: str | None) -> Record
 
 
 def _moved(
-    document: Document, nodes: Nodes, every: Sequence[int], rate: float | None, asked: str | None
+    document: Document, nodes: Nodes, joints: Sequence[int], rate: float | None, asked: str | None
 ) -> tuple[dict[str, FloatArray], dict[int, FloatArray], float, list[str]]:
     """What the file's own animation makes of all nodes in each frame, and how it came about.
 
@@ -105,7 +105,7 @@ def _moved(
         Transforms, as of `animation.sampled`; weights of morph targets by node, shape (F, n) each; the frame rate; and
         what was decided.
     """
-    targets = target_counts(document)
+    every, targets = nodes.with_above(joints), target_counts(document, nodes, joints)
     number, remarks = find_animation(document, asked, moving=every)
     if number is None:  # a face may move while the body stands
         number, remarks = find_animation(document, asked, moving=list(targets))

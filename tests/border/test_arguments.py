@@ -277,6 +277,7 @@ def test_a_fault_of_its_own_is_left_as_it_is():
         ([1, 2], tuple[float, float, float], False), ("ab", tuple[str, ...], False), ({}, dict[str, int], True),
         ({"a": "b"}, dict[str, int], False), ([0.5], np.ndarray[Any, np.dtype[np.int64]], False),
         ([1.0], np.ndarray[Any, np.dtype[np.int64]], True), (None, int | None, True), (len, Callable[..., int], True),
+        (b"ab", bytes | None, True), ("ab", bytes | None, False),
     ],
 )  # fmt: skip
 def test_kinds(value: Any, hint: Any, good: bool):

@@ -185,6 +185,17 @@ def test_a_face_moves_while_the_body_stands(tmp_path):
     assert np.abs(of_face(clip) - expected(by_lines(TIMES), walking=False)).max() < SAME
 
 
+def test_what_no_joint_carries_does_not_tell_how_long_a_motion_is(tmp_path):
+    path = face(tmp_path / "a.gltf", weights=(10.0 * KEYS, by_steps(KEYS), "LINEAR"))
+    assert motions.load(path, unit="m").frames > 10 * (FRAMES - 1)
+    text = json.loads(path.read_text())
+    del text["nodes"][2]["skin"]
+    path.write_text(json.dumps(text))
+    clip = motions.load(path, unit="m")
+    assert any("which no joint carries" in each for each in clip.decisions)
+    assert (clip.frames, clip.fps, clip.morphs) == (FRAMES, FPS, None)
+
+
 def test_normals_are_bent_and_stay_of_unit_length(tmp_path):
     clip = motions.load(face(tmp_path / "a.glb", weights=(KEYS, by_steps(KEYS), "LINEAR"), normals=True), unit="m")
     assert clip.skin is not None

@@ -28,6 +28,7 @@ def test_export_by_command(forks: Forks, tmp_path: Path):
         ("walk.npz", "-o", "out.abc"): "no format of exports named '.abc'",
         ("walk.rrd", "-o", "out.obj"): "is a recording",
         ("walk.npz", "-o", "no/out.obj"): "there is no folder",
+        ("walk.npz", "-o", "out.rrd", "--joints", "4"): "joints are for binary glTF (.glb), not for recordings",
     }.items():
         done = forks("export", *arguments, folder=tmp_path)
         assert done.returncode == 2

@@ -15,6 +15,7 @@ import cape
 import motions
 import skeleton
 from cape.cli.exports.writing import write
+from cape.record.figure.skin import morphs_of
 from cape.results.take import Take
 from motions.errors import FileError, ValueRangeError
 from motions.skin import Skin
@@ -73,7 +74,7 @@ def broken(path: Path, where: str, value: object) -> None:
         ("morphs", None, ""),
         ("bones", {"tuple": ["hip", "tail", "hip", "hip", "hip"]}, "hangs at 'tail', which isn't among"),
         ("bones", {"tuple": ["hip"]}, r"binds must be numbers of the shape \(1, 3, 4\)"),
-        ("pieces", {"tuple": [3]}, "'int' object"),
+        ("pieces", {"tuple": [3]}, "pieces must be a sequence, each a SkinPiece"),
         ("binds", {"array": "take.triangles"}, "binds must be numbers of the shape"),
         ("triangles", {"numbers": [[0, 1, 7]], "of": "<i8"}, "a vertex that is not among the 7"),
         ("weights", {"array": "take.bones.skin.pieces.0.vertices"}, "weights must be numbers"),
@@ -100,12 +101,36 @@ def test_a_kept_mesh_that_makes_no_sense_ends_in_a_line(where, value, told, take
         ({"binds": np.zeros((7, 6))}, "binds must be numbers"),
         ({"targets": np.zeros((0, 7, 3))}, "morph targets come with the morphs"),
         ({"targets": np.zeros((2, 7, 3)), "target_morphs": np.array([0])}, r"targets must be numbers of the shape \(1"),
+        ({"targets": np.zeros((0, 7, 3)), "target_morphs": np.zeros(0, int)}, "must be None where there are none"),
+        ({"triangles": np.zeros((0, 3), int)}, "has no triangle"),
+        ({"vertices": "all"}, "vertices must be an array of numbers"),
     ],
 )  # fmt: skip
 def test_a_mesh_that_does_not_fit_is_refused(changes, told, take: Take):
     skin = skin_of(take)
     with pytest.raises(ValueRangeError, match=told):
         replace(skin, pieces=(replace(skin.pieces[0], **changes),))
+
+
+def test_a_mesh_may_be_told_by_lists(take: Take):
+    coat = skin_of(take).pieces[0]
+    told = replace(coat, vertices=coat.vertices.tolist(), triangles=coat.triangles.tolist(), binds=coat.binds.tolist())
+    assert difference(coat, told) == ""
+
+
+def test_a_skin_has_a_mesh(take: Take):
+    with pytest.raises(ValueRangeError, match="at least one piece"):
+        replace(skin_of(take), pieces=())
+
+
+@pytest.mark.parametrize("kept", [np.s_[:2], np.s_[:, :2]], ids=["frames", "morphs"])
+def test_weights_of_too_few_frames_or_morphs_are_refused(take: Take, kept):
+    skin, bones = skin_of(take), take.bones
+    at = [bones.index(bone) for bone in skin.bones]
+    assert bones.morphs is not None
+    poses = skin.posed(skin.pieces[1], bones.positions[:, at], bones.rotations_wxyz[:, at], morphs=bones.morphs[kept])
+    with pytest.raises(ValueRangeError, match=r"morphs must be finite numbers of the shape \(7, 3\)"):
+        next(poses)
 
 
 def test_a_glb_shows_the_mesh_where_its_bones_take_it(take: Take, tmp_path: Path):
@@ -154,6 +179,23 @@ def test_usd_shows_the_mesh_where_its_bones_take_it(take: Take, tmp_path: Path):
     texture = UsdShade.Shader(stage.GetPrimAtPath("/take/figure/coat_outer/material/albedo"))
     assert isinstance(texture.GetInput("file").Get(), Sdf.AssetPath)
     assert Path(texture.GetInput("file").Get().resolvedPath).name == "a_coat_outer.png"
+
+
+def test_a_piece_of_any_name_leaves_the_cloths_picture_alone(take: Take, tmp_path: Path):
+    skin = skin_of(take)
+    named = replace(skin, pieces=tuple(replace(piece, name="albedo") for piece in skin.pieces))
+    files = replace(take, bones=replace(take.bones, skin=named)).export(tmp_path / "a.usda")
+    assert [file.name for file in files] == ["a.usda", "a_albedo.png", "a_albedo_2.png"]
+    assert files[1].read_bytes() != picture("PNG") == files[2].read_bytes()
+
+
+def test_a_recording_moves_a_skin_by_its_own_morphs_alone(take: Take):
+    skin = skin_of(take)
+    again = replace(skin, pieces=tuple(replace(piece) for piece in skin.pieces))
+    assert morphs_of(take.bones, again) is take.bones.morphs
+    other = replace(skin, pieces=(skin.pieces[0], replace(skin.pieces[1], target_morphs=np.array([0, 2]))))
+    assert other.morphs == skin.morphs
+    assert morphs_of(take.bones, other) is None
 
 
 def test_single_frames_and_meshes_without_morphs_told(tmp_path: Path):

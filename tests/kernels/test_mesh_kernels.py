@@ -339,14 +339,25 @@ def test_few_blocks_have_a_row_more_than_links_need():
         assert record.rows.mean() < len(first) / count + 0.35 < filled.shape[1]
 
 
-@compiled_only
-def test_roots_are_taken_many_at_once():
+def pull_in_assembly(dtype: type[np.floating]) -> str:
+    """What the compiler makes of the forces of springs, in some precision."""
     from numba import typeof
 
     s = sheet(0, 5, 5)
-    springs, _ = records(s, np.float32)
-    state, one = s.state(np.float32), np.float32(1)
+    springs, _ = records(s, dtype)
+    state, one = s.state(dtype), dtype(1)
     given = (0, 64, *state, springs.words, springs.rows, springs.second, springs.stiffness, springs.rest, one, one)
-    signature = tuple(typeof(a) for a in (*given, springs.room, springs.forces, state.x, state.y, state.z))
+    return assembly(
+        mesh.pull, tuple(typeof(a) for a in (*given, springs.room, springs.forces, state.x, state.y, state.z))
+    )
+
+
+@compiled_only
+def test_roots_are_taken_many_at_once():
     # x86-64 and AArch64: roots of several numbers.
-    assert re.search(r"\bv?sqrtps\b|\bfsqrt\s+v\d+\.4s", assembly(mesh.pull, signature)), signature
+    assert re.search(r"\bv?sqrtps\b|\bfsqrt\s+v\d+\.4s", pull_in_assembly(np.float32))
+
+
+@compiled_only
+def test_other_ends_are_loaded_one_by_one():
+    assert not re.search(r"\bvp?gather", pull_in_assembly(np.float64))

@@ -9,6 +9,7 @@ from cape.cli.output import output_path
 from cape.exports import format_of, require_format
 from cape.record import require_recorder
 from cape.results.take import Take
+from motions.errors import UserError
 
 RECORDED = ".rrd"
 MOST_TOLD = 5  # files of an export, each on a line; of more, the first and the last
@@ -16,7 +17,9 @@ MOST_TOLD = 5  # files of an export, each on a line; of more, the first and the 
 
 def run(path: Path, output: Path, *, joints: int | None, json: bool) -> int:
     """Read, write and tell; gives the exit status."""
-    recorded = output.suffix.lower() == RECORDED and joints is None
+    recorded = output.suffix.lower() == RECORDED
+    if recorded and joints is not None:
+        raise UserError("joints are for binary glTF (.glb), not for recordings")
     if recorded:
         require_recorder()
     else:

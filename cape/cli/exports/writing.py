@@ -119,7 +119,7 @@ def begun(path: Path, who: Staged, *, loop: bool, layers: Sequence[str] | None, 
         with growing_file(
             path, who.scene, who.track, name=who.name, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab
         ) as file:
-            yield Output(kind, file.finish, file.note, RECORDER, lambda: file.full)
+            yield Output(kind, file.finish, on_frame=file.note, modules=RECORDER, full=lambda: file.full)
 
 
 def _require_room(path: Path, size: int) -> None:

@@ -113,7 +113,7 @@ def _primitive(gltf: Any, piece: SkinPiece, buffer: Buffer) -> Any:
 
 def _weights(piece: SkinPiece, mesh: MovingMesh) -> NDArray[np.float32] | None:
     """Weights of a piece's K targets, shape (F, K); None where it has none."""
-    if piece.target_morphs is None or not len(piece.target_morphs):
+    if piece.target_morphs is None:
         return None
     if mesh.bones.morphs is None:
         return np.zeros((len(mesh.times), len(piece.target_morphs)), np.float32)

@@ -46,7 +46,7 @@ def joints_of(bones: BoneTrack, skin: Skin | None = None) -> Joints:
             parents.append(more[-1])
             names.append(f"{bone} again")
         of_bindings.append(joint)
-    positions, rotations = from_parents(bones)
+    positions, rotations = _from_parents(bones)
     still, unturned = (
         np.zeros((bones.frames, len(more), 3)),
         np.tile([1.0, 0.0, 0.0, 0.0], (bones.frames, len(more), 1)),
@@ -60,7 +60,7 @@ def joints_of(bones: BoneTrack, skin: Skin | None = None) -> Joints:
     )
 
 
-def from_parents(bones: BoneTrack) -> tuple[FloatArray, FloatArray]:
+def _from_parents(bones: BoneTrack) -> tuple[FloatArray, FloatArray]:
     """Poses of bones in their parents' frames, those without one in the world: [m] (F, B, 3), wxyz (F, B, 4)."""
     positions, rotations = bones.positions.copy(), bones.rotations_wxyz.copy()
     if bones.parents is not None:

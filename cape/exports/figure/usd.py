@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 FLAT = 1e-9
-"""Least stretch [m in the file's unit] that a binding keeps: what has lost a dimension has no inverse."""
+"""Least stretch [m for a unit of the mesh] that a binding keeps: what has lost a dimension has no inverse."""
 
 
 def add_figure(stage: Usd.Stage, path: str, bones: BoneTrack, codes: Sequence[float], file: Path) -> tuple[Path, ...]:
@@ -65,7 +65,9 @@ def add_figure(stage: Usd.Stage, path: str, bones: BoneTrack, codes: Sequence[fl
         weights = np.zeros((bones.frames, skin.morphs)) if bones.morphs is None else bones.morphs
         sample(motion.CreateBlendShapeWeightsAttr(), map(Vt.FloatArray.FromNumpy, weights.astype(np.float32)), codes)
     at = np.argsort(order)[made.of_bindings]
-    names = identifiers(["skeleton", *(piece.name for piece in skin.pieces)])[1:]
+    # What the skeleton's prim, and the cloth's picture beside the file, are called.
+    taken = ("skeleton", "albedo")
+    names = identifiers([*taken, *(piece.name for piece in skin.pieces)])[len(taken) :]
     pictures = []
     for name, piece in zip(names, skin.pieces, strict=True):
         _piece(stage, f"{path}/{name}", piece, at, skeleton)

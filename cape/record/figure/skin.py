@@ -27,7 +27,7 @@ def log_skin(stream: rr.RecordingStream, bones: BoneTrack, skin: Skin, frames: F
     """Put each piece of the mesh on `/world/body/<piece>`, in the world."""
     import rerun as rr
 
-    at = [bones.index(bone) for bone in skin.bones]
+    at, morphs = [bones.index(bone) for bone in skin.bones], morphs_of(bones, skin)
     for piece in skin.pieces:
         path = rr.new_entity_path(["world", "body", piece.name])
         send_once(
@@ -35,10 +35,9 @@ def log_skin(stream: rr.RecordingStream, bones: BoneTrack, skin: Skin, frames: F
         )
         for block in frames.blocks(2 * 12 * len(piece.vertices)):
             numbers = frames.numbers[block]
-            morphs = morphs_of(bones, skin)
-            morphs = None if morphs is None else morphs[numbers]
+            weights = None if morphs is None else morphs[numbers]
             places, turns = bones.positions[numbers][:, at], bones.rotations_wxyz[numbers][:, at]
-            poses = skin.posed(piece, places, turns, morphs=morphs)
+            poses = skin.posed(piece, places, turns, morphs=weights)
             places, normals = zip(*poses, strict=True)
             vertices = np.stack(places)
             shaded = vertex_normals(vertices, piece.triangles) if piece.normals is None else np.stack(normals)
@@ -61,8 +60,19 @@ def look(piece: SkinPiece) -> dict[str, Any]:
 
 
 def morphs_of(bones: BoneTrack, skin: Skin) -> NDArray[np.float64] | None:
-    """Weights of a skin's morphs over a track, shape (F, M); None where that tells none of this skin."""
-    return bones.morphs if bones.skin is not None and bones.skin.morphs == skin.morphs else None
+    """Weights of a skin's morphs over a track, shape (F, M); None where that tells none of this skin.
+
+    A skin that was read again is no other one.
+    """
+    return bones.morphs if bones.skin is not None and _morphed(bones.skin) == _morphed(skin) else None
+
+
+def _morphed(skin: Skin) -> list[tuple[str, int, list[int]]]:
+    """Name, number of vertices and morphs of each piece, by which skins are told apart."""
+    return [
+        (piece.name, len(piece.vertices), [] if piece.target_morphs is None else piece.target_morphs.tolist())
+        for piece in skin.pieces
+    ]
 
 
 def skin_height(bones: BoneTrack, skin: Skin, frame: int) -> float:

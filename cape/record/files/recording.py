@@ -7,7 +7,6 @@ import uuid
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,22 +32,24 @@ class RecordingFile:
         """The recording that is to take the name `path`; `name` and `opening` are those of `recording_file`."""
         self.path = path
         self._sink, self._name, self._opening = sink, name, opening
+        self._stream: rr.RecordingStream | None = None
 
-    @cached_property
+    @property
     def stream(self) -> rr.RecordingStream:
         """To send to."""
-        import rerun as rr
+        if self._stream is None:
+            import rerun as rr
 
-        application, blueprint = self._opening()
-        stream = rr.RecordingStream(application, recording_id=uuid.uuid4())
-        self._sink.open(stream, blueprint)
-        stream.send_recording_name(self._name)
-        return stream
+            application, blueprint = self._opening()
+            self._stream = rr.RecordingStream(application, recording_id=uuid.uuid4())
+            self._sink.open(self._stream, blueprint)
+            self._stream.send_recording_name(self._name)
+        return self._stream
 
     def disconnect(self) -> None:
         """Send no more, if anything was sent."""
-        if "stream" in vars(self):
-            self.stream.disconnect()
+        if self._stream is not None:
+            self._stream.disconnect()
 
     @property
     def room(self) -> int:

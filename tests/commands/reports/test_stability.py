@@ -235,6 +235,7 @@ BOW_TIE = np.array([[0, 1, 2], [2, 3, 4]], dtype=np.int32)
 
 def test_hinges_are_counted_as_by_hand():
     assert hinges(BOW_TIE) == 1
+    assert hinges(BOW_TIE[:0]) == 0
     assert hinges(np.array([[0, 1, 2], [2, 1, 3]])) == 0
     triangles = Cloth.rectangle(width=0.5, height=0.6, spacing=0.05).triangles
     assert hinges(triangles) == 0
