@@ -139,7 +139,7 @@ def _skin_rows(clip: motions.Clip) -> list[tuple[str, str]]:
     if (skin := clip.skin) is None:
         return []
     pieces = ", ".join(piece.name for piece in skin.pieces)
-    morphs = f", {skin.morphs} morph targets that move" if skin.morphs else ""
+    morphs = f", {skin.morphs} morph target{'s that move' if skin.morphs > 1 else ' that moves'}" if skin.morphs else ""
     joints = len(set(skin.bones))
     return [("mesh", f"{skin.vertices} vertices, {skin.triangles} triangles on {joints} joints{morphs}: {pieces}")]
 
