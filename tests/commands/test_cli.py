@@ -90,7 +90,10 @@ BAD = {
     "an output that no program would open": (["replay", "-o", "walk.fbx"], "named '.fbx'; available: .rrd, .npz"),
     "a film of a replay": (["replay", "-o", "walk.gif"], "cape render"),
     "an output that is a motion": (["replay", "-o", "words.bvh"], "named '.bvh'"),
-    "a live run to another kind of file": (["live", "--no-viewer", "-o", "walk.fbx"], "named '.fbx'"),
+    "a live run to another kind of file": (
+        ["live", "--no-viewer", "--seconds", "0.5", "-o", "walk.fbx"],
+        "named '.fbx'",
+    ),
     "hitboxes to another kind of file": (["hitboxes", "walk", "-o", "walk.usd"], "available: .rrd"),
     "hitboxes written as no TOML": (["hitboxes", "walk", "--write", "walk.txt"], "available: .toml"),
     "hitboxes of nothing": (["hitboxes", "missing.bvh"], "missing.bvh"),
