@@ -16,6 +16,7 @@ NO_MOTIONS = {
     ".toml": "a scene file, which cape replay --scene reads",
     ".rrd": "a recording, which cape render draws and the Rerun viewer plays",
 }
+"""What files are that come from this program and hold no motion, by their suffixes."""
 Motion = TypeVar("Motion", motions.Clip, RobotMotion)
 
 

@@ -83,7 +83,7 @@ BAD = {
     "a budget and substeps": (["replay", "--budget", "4", "--substeps", "8"], "leave"),
     "no frame rate": (["replay", "--fps", "0"], "fps"),
     "a start after the end": (["replay", "--start", "3", "--end", "2"], "3 s"),
-    "an unknown option": (["replay", "--nope"], "--nope"),
+    "an unknown option": (["replay", "--nope"], "(cape replay --help"),
     "an unknown command": (["dance"], "dance"),
     "a folder that is not there": (["replay", "-o", "nowhere/walk.rrd"], "nowhere"),
     "an output that is a folder": (["replay", "-o", "."], "directory"),
@@ -96,6 +96,7 @@ BAD = {
     ),
     "hitboxes to another kind of file": (["hitboxes", "walk", "-o", "walk.usd"], "available: .rrd"),
     "hitboxes written as no TOML": (["hitboxes", "walk", "--write", "walk.txt"], "available: .toml"),
+    "a clip's name misspelt": (["replay", "wlk"], "did you mean 'walk'?"),
     "hitboxes of nothing": (["hitboxes", "missing.bvh"], "missing.bvh"),
     "information on nothing": (["info", "missing"], "walk"),
 }
