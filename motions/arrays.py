@@ -69,6 +69,15 @@ def read_arrays(path: Path, *, only: Collection[str] | None = None) -> dict[str,
     return arrays
 
 
+def array_names(path: Path) -> set[str]:
+    """The names of an NPZ file's arrays, none of which is read; none of a file that is missing or no NPZ."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return {name.removesuffix(".npy") for name in archive.namelist()}
+    except (OSError, ValueError, zipfile.BadZipFile, NotImplementedError):
+        return set()
+
+
 def _head(file: IO[bytes]) -> tuple[tuple[int, ...], np.dtype]:
     """Shape and kind that the head of an array states."""
     version = np.lib.format.read_magic(file)

@@ -15,7 +15,7 @@ from motions.border import checked
 from motions.bvh import reader
 from motions.bvh.reader import Recording
 from motions.clip import Clip
-from motions.errors import FileError, ValueRangeError
+from motions.errors import FileError, ValueRangeError, likeliest
 from motions.gltf import reader as gltf
 from motions.gltf.document import SUFFIXES
 from motions.shipped import clip_names, clip_path
@@ -167,8 +167,10 @@ def _find(path: str | PathLike[str]) -> Path:
         return found
     if str(path) in clip_names():
         return clip_path(str(path))
-    shipped = f"; shipped clips: {', '.join(clip_names()) or 'none'}" if found.name == found.stem else ""
-    raise FileError(f"no file {str(found)!r}{shipped}")
+    if found.name != found.stem:
+        raise FileError(f"no file {str(found)!r}")
+    meant = f"; did you mean {like!r}?" if (like := likeliest(str(path), clip_names())) else ""
+    raise FileError(f"no file {str(found)!r}; shipped clips: {', '.join(clip_names()) or 'none'}{meant}")
 
 
 def _unique(names: tuple[str, ...]) -> tuple[tuple[str, ...], list[str]]:

@@ -88,7 +88,9 @@ def _status_of(error: BaseException) -> int:
     if isinstance(error, ModuleNotFoundError) and error.name in PACKAGES:
         return _tell(str(missing_package(error.name, "this")), 2)
     if isinstance(error, TyperException):
-        return _tell(f"{error.format_message()} (cape --help tells what there is)", 2)
+        context = getattr(error, "ctx", None)  # of most of them: the command whose use was wrong
+        command = "cape" if context is None else context.command_path
+        return _tell(f"{error.format_message()} ({command} --help tells what there is)", 2)
     if isinstance(error, BrokenPipeError):
         return 1
     if isinstance(error, OSError) and error.errno in FULL:

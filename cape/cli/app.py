@@ -18,6 +18,7 @@ from cape.cli.options import (
     Tab,
     cut,
     gathered,
+    help_alone,
     motion,
 )
 from cape.cli.scenes.commands import scene_files
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from cape.cli.reading import Reading
 
 app = typer.Typer(
-    no_args_is_help=True,
+    invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,
     help="Hang a simulated cape on a moving character and record it for the Rerun viewer.",
@@ -44,11 +45,13 @@ def _tell_version(asked: bool) -> None:
 
 @app.callback()
 def any_command(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
     """What all commands share."""
+    help_alone(context)
 
 
 app.add_typer(scene_files, name="scene")

@@ -350,3 +350,10 @@ def cut(
             texture=texture,
         ),
     )
+
+
+def help_alone(context: typer.Context) -> None:
+    """Print the help of a group of commands where none of them is named, and exit with status 2."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help(), err=True)
+        raise typer.Exit(2)

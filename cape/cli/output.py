@@ -3,10 +3,10 @@
 import os
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from motions.errors import FileError
+from motions.errors import FileError, UnknownNameError
 
 
 def output_path(
@@ -30,6 +30,16 @@ def output_path(
     if not os.access(folder, os.W_OK):
         raise FileError(f"can't write {path}: the folder {folder} is not writable")
     return path
+
+
+def require_suffix(path: Path, suffixes: Sequence[str], hint: str = "") -> None:
+    """Check that a path ends as what will be in it does, or has no suffix: a recording named .fbx opens nowhere.
+
+    Raises:
+        UnknownNameError: it ends otherwise; the `hint` closes its text.
+    """
+    if path.suffix and path.suffix.lower() not in suffixes:
+        raise UnknownNameError("kind of output", path.suffix, suffixes, hint)
 
 
 def _is_same(path: Path, other: Path) -> bool:

@@ -6,11 +6,17 @@ from typing import TypeVar
 
 import motions
 from motions.amass.reader import is_amass
-from motions.errors import UserError, ValueRangeError
+from motions.arrays import array_names
+from motions.errors import FileError, UserError, ValueRangeError
 from skeleton import RobotMotion, Skeleton, load_configurations
 from skeleton.robot.configurations import SUFFIXES
 
 MOST_FPS = 60.0  # where none is asked for
+NO_MOTIONS = {
+    ".toml": "a scene file, which cape replay --scene reads",
+    ".rrd": "a recording, which cape render draws and the Rerun viewer plays",
+}
+"""What files are that come from this program and hold no motion, by their suffixes."""
 Motion = TypeVar("Motion", motions.Clip, RobotMotion)
 
 
@@ -68,7 +74,9 @@ class Reading:
         if self.script is None:
             if self.clip is None:
                 raise UserError("give a CLIP or a --script")
-            if self.configuration_file is not None:
+            if (path := self.configuration_file) is not None:
+                if "take" in array_names(path):
+                    raise FileError(f"{self.clip} is no motion, but a kept take, which cape export reads")
                 raise UserError(f"{self.clip} holds a robot's configurations: name the robot, such as --skeleton g1")
             return self._read(self.clip)
         if self.clip is not None:
@@ -83,6 +91,9 @@ class Reading:
         return motions.MotionGraph(list(clips.values())).play(steps)
 
     def _read(self, clip: str, name: str | None = None) -> motions.Clip:
+        path = Path(clip)
+        if (what := NO_MOTIONS.get(path.suffix.lower())) is not None and path.is_file():
+            raise FileError(f"{clip} is no motion, but {what}")
         return motions.load(
             clip,
             unit=_unit(self.unit),

@@ -38,6 +38,7 @@ ROOM = 0.008  # m from a garment to the one below it as it is put on: more than 
 MOST = 5  # garments
 STAGES = 12  # in which boxes widen
 STAGE, LAST = 0.1, 0.5  # s that a cloth is given to settle in each, and in the last
+DEEP = 0.02  # m in boxes, from which on these fling a cloth out, or through those below: a tabard starts 3 cm deep
 BAND = 0.06  # m that a box around a garment is high; where what is outside of it is held there is none
 
 
@@ -118,17 +119,18 @@ def _heights_held(scene: Scene, track: BoneTrack) -> FloatArray:
 def _come_to_rest(scene: Scene, around: Sequence[Box], track: BoneTrack) -> FloatArray:
     """Where the vertices hang at the first frame around boxes [m], shape (V, 3).
 
-    What lies so deep in boxes as it is laid out that it is flung out by them is put on without, and let out by boxes
-    that are wider each time.
+    What lies deep in boxes as it is laid out, or is flung out by them, is put on without, and let out by boxes that are
+    wider each time.
 
     Raises:
         Diverged: it can't be let out so far.
     """
-    try:
-        return _settled(replace(scene, colliders=(*scene.colliders, *around)), track, None)
-    except Diverged:
-        if not around:
-            raise
+    if not around or _deepest(_settled(scene, track, 0.0), around) < DEEP:
+        try:
+            return _settled(replace(scene, colliders=(*scene.colliders, *around)), track, None)
+        except Diverged:
+            if not around:
+                raise
     places = _settled(scene, track, None)
     for share in np.linspace(0.0, 1.0, STAGES + 1)[1:]:
         narrower = [replace(box, half_sizes=box.half_sizes * [share, share, 1.0]) for box in around]
@@ -136,6 +138,16 @@ def _come_to_rest(scene: Scene, around: Sequence[Box], track: BoneTrack) -> Floa
         held = replace(scene, cloth=worn, dressing=None, colliders=(*scene.colliders, *narrower))
         places = _settled(held, track, STAGE if share < 1.0 else LAST)
     return places
+
+
+def _deepest(places: FloatArray, boxes: Sequence[Box]) -> float:
+    """How deep the deepest of some places (V, 3) is in one of the boxes [m], below zero outside of all."""
+    inside = [
+        np.asarray(box.half_sizes)
+        - np.abs(quaternions.rotate(quaternions.conjugate(np.asarray(box.rotation_wxyz)), places - box.center))
+        for box in boxes
+    ]
+    return max(float(depths.min(axis=1).max()) for depths in inside)
 
 
 def _settled(scene: Scene, track: BoneTrack, settle: float | None) -> FloatArray:

@@ -5,14 +5,13 @@ model of the body computes from `betas`, which only its owners may hand out. So 
 mean body here, whoever it was that moved. Fingers, face and soft tissue are left out.
 """
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motions import quaternions
-from motions.arrays import read_arrays
+from motions.arrays import array_names, read_arrays
 from motions.bvh.reader import Recording
 from motions.errors import FileError
 
@@ -76,11 +75,7 @@ def is_amass(path: Path) -> bool:
     """Whether a file is one of these, by the names of its arrays."""
     if path.suffix.lower() != SUFFIX:
         return False
-    try:
-        with zipfile.ZipFile(path) as archive:
-            names = {name.removesuffix(".npy") for name in archive.namelist()}
-    except (OSError, ValueError, zipfile.BadZipFile, NotImplementedError):
-        return False
+    names = array_names(path)
     return "trans" in names and (WHOLE in names or set(PARTS) <= names)
 
 

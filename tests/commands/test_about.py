@@ -35,6 +35,13 @@ def test_help_is_asked_for_in_short(arguments, forks, tmp_path):
     assert short.returncode == 0
 
 
+@pytest.mark.parametrize("group", [[], ["scene"]])
+def test_a_group_without_a_command_prints_its_help(group, forks, tmp_path):
+    alone = forks(*group, folder=tmp_path)
+    assert alone.returncode == 2
+    assert alone.stderr.splitlines() == forks(*group, "-h", folder=tmp_path).stdout.splitlines()
+
+
 def test_a_shell_completes_commands_and_options(tmp_path):
     # As bash asks once it has been told to by --show-completion.
     from tests.support.command import cape as run

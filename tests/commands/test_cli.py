@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import motions
@@ -37,6 +38,8 @@ def broken(tmp_path_factory) -> Path:
     (folder / "binary.bvh").write_bytes(bytes(range(256)) * 40)
     one_frame(folder / "still.bvh")
     (folder / "kept.rrd").write_text("kept")
+    (folder / "scene.toml").write_text('clip = "walk"')
+    np.savez(folder / "kept.npz", take=np.zeros(1))
     return folder
 
 
@@ -47,6 +50,9 @@ BAD = {
     "a truncated file": (["replay", "truncated.bvh"], "line"),
     "another kind of file": (["replay", "words.bvh"], "not a BVH file"),
     "binary data": (["replay", "binary.bvh"], "binary"),
+    "a scene file": (["replay", "scene.toml"], "--scene"),
+    "a recording": (["info", "kept.rrd"], "cape render"),
+    "a kept take": (["replay", "kept.npz"], "cape export"),
     "a single frame": (["replay", "still.bvh"], "single frame"),
     "an unknown fabric": (["replay", "--fabric", "steel"], "denim"),
     "an unknown garment": (["replay", "--garment", "toga"], "shoulder_cape"),
@@ -77,10 +83,20 @@ BAD = {
     "a budget and substeps": (["replay", "--budget", "4", "--substeps", "8"], "leave"),
     "no frame rate": (["replay", "--fps", "0"], "fps"),
     "a start after the end": (["replay", "--start", "3", "--end", "2"], "3 s"),
-    "an unknown option": (["replay", "--nope"], "--nope"),
+    "an unknown option": (["replay", "--nope"], "(cape replay --help"),
     "an unknown command": (["dance"], "dance"),
     "a folder that is not there": (["replay", "-o", "nowhere/walk.rrd"], "nowhere"),
     "an output that is a folder": (["replay", "-o", "."], "directory"),
+    "an output that no program would open": (["replay", "-o", "walk.fbx"], "named '.fbx'; available: .rrd, .npz"),
+    "a film of a replay": (["replay", "-o", "walk.gif"], "cape render"),
+    "an output that is a motion": (["replay", "-o", "words.bvh"], "named '.bvh'"),
+    "a live run to another kind of file": (
+        ["live", "--no-viewer", "--seconds", "0.5", "-o", "walk.fbx"],
+        "named '.fbx'",
+    ),
+    "hitboxes to another kind of file": (["hitboxes", "walk", "-o", "walk.usd"], "available: .rrd"),
+    "hitboxes written as no TOML": (["hitboxes", "walk", "--write", "walk.txt"], "available: .toml"),
+    "a clip's name misspelt": (["replay", "wlk"], "did you mean 'walk'?"),
     "hitboxes of nothing": (["hitboxes", "missing.bvh"], "missing.bvh"),
     "information on nothing": (["info", "missing"], "walk"),
 }

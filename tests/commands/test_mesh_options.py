@@ -48,7 +48,7 @@ def test_a_glb_is_worn_and_what_was_done_to_it_is_told(tmp_path, forks):
         (("--cloth", "fin.obj"), "cape: fin.obj: 1 edges of the mesh belong to more than two triangles: 3 at ("),
         (("--remesh", "0.03"), "cape: --remesh belongs to a mesh: name it by --cloth"),
         (("--cloth", "fin.obj", "--spacing", "0.1"), "--spacing and --length are of garments"),
-        (("--texture", "fin.obj"), "cape: fin.obj is no image that can be read"),
+        (("--texture", "fin.obj"), "cape: fin.obj is no image that can be read: it is of no format that Pillow knows"),
     ],
 )
 def test_what_is_wrong_is_one_line(asked, told, tmp_path, forks):

@@ -163,6 +163,24 @@ def test_cloths_that_cross_at_the_start_are_refused(walker, monkeypatch):
         cape.dress(*walker, garments=["back_cape", "skirt"], spacing=0.1)
 
 
+@pytest.mark.parametrize(("depth", "at_once"), [(0.03, False), (0.01, True), (-0.1, True)])
+def test_what_starts_deep_in_those_below_is_let_out_in_stages(depth, at_once, walker, monkeypatch):
+    from cape.outfits import dressing
+
+    turn = np.array([np.cos(0.3), 0.0, 0.0, np.sin(0.3)])
+    box = cape.Box(name="b", center=np.array([2.0, 0.0, 1.0]), half_sizes=np.array([0.3, 0.2, 0.1]), rotation_wxyz=turn)
+    tried = []
+
+    def settled(scene, track, settle):
+        tried.append((len(scene.colliders), settle))
+        return scene.cloth.positions + np.array([2.0, 0.0, 0.0])
+
+    monkeypatch.setattr(dressing, "_settled", settled)
+    dressing._come_to_rest(cape.Scene(sheet(0.1, 1.1 - depth)), [box], walker[1])
+    assert ((1, None) in tried) == at_once
+    assert len(tried) == (2 if at_once else 2 + dressing.STAGES)
+
+
 @pytest.mark.extra
 def test_three_garments_are_worn_over_each_other(walker):
     # Around a skirt a tabard starts so deep in what keeps it off that it has to be let out.
@@ -174,6 +192,14 @@ def test_three_garments_are_worn_over_each_other(walker):
     assert take.result == "finished"
     assert take.penetration.max() < 0.001
     assert len(self_crossings(take.positions[-1], scene.cloth.triangles)) == 0
+
+
+@pytest.mark.extra
+def test_a_tabard_at_its_own_spacing_is_put_on_over_a_skirt():
+    clip = motions.load("walk").trim(0.0, 0.6)
+    body = skeleton.Skeleton.from_clip(clip)
+    scene = cape.dress(body, body.track(clip), garments=["shoulder_cape", "tabard", "skirt"])
+    assert len(self_crossings(scene.cloth.positions, scene.cloth.triangles)) == 0
 
 
 @pytest.mark.extra

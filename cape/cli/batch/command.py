@@ -18,18 +18,16 @@ from cape.cli.batch.cluster import Cluster
 from cape.cli.batch.plan import Task
 from cape.cli.batch.results import PAGE, RESULTS, Results
 from cape.cli.batch.task import DONE, FAILED, complete, do, failed
-from cape.cli.exports.writing import KEPT, require_writable
+from cape.cli.exports.writing import SUFFIXES, require_writable
 from cape.cli.figures.rows import print_rows
 from cape.cli.measuring import require_folder
 from cape.cli.running import ended_in_order
 from cape.cli.words import shortened
-from cape.exports import FORMATS
 from cape.solvers.threads import GRANTED, available_cores
 from cape.version import VERSION
 from motions.errors import FileError, UnknownNameError, UserError
 from motions.files import printable, remove_left, require_file
 
-FORMATS_OF_RUNS = (pictures.RECORDING, KEPT, *FORMATS)
 Done = TypeVar("Done")
 BETWEEN_PAGES = 30.0  # [s] after which the page is written anew
 
@@ -99,8 +97,8 @@ def _tell(results: Results, *, json: bool) -> None:
 def _planned(clips: Sequence[str], asked: Asked) -> list[Task]:
     """All tasks; whatever can be told wrong without reading a motion is told before any of them is begun."""
     suffix = f".{asked.format.removeprefix('.')}"
-    if suffix not in FORMATS_OF_RUNS:
-        raise UnknownNameError("format", asked.format, [known.removeprefix(".") for known in FORMATS_OF_RUNS])
+    if suffix not in SUFFIXES:
+        raise UnknownNameError("format", asked.format, [known.removeprefix(".") for known in SUFFIXES])
     require_writable(Path(f"a{suffix}"), recorded_only={"--layers": "layers" in asked.given})
     if asked.cluster is not None:
         asked.cluster.check()

@@ -6,8 +6,8 @@ from cape.cli.batch.page import PICTURE_SIZE
 from cape.cli.batch.plan import Task
 from cape.cli.batch.results import PICTURE
 from cape.cli.batch.task import last_line, run_cape
+from cape.cli.exports.writing import RECORDED
 
-RECORDING = ".rrd"
 SIDES = ("back", "front")
 _SIZE = f"{PICTURE_SIZE[0] // len(SIDES)}x{PICTURE_SIZE[1]}"
 SAID = "picture.log"
@@ -15,7 +15,7 @@ SAID = "picture.log"
 
 def missing(tasks: Sequence[Task]) -> list[Task]:
     """Those tasks whose recordings are newer than their pictures, or have none."""
-    return [task for task in tasks if task.suffix == RECORDING and task.output.is_file() and not _is_drawn(task)]
+    return [task for task in tasks if task.suffix == RECORDED and task.output.is_file() and not _is_drawn(task)]
 
 
 def draw(task: Task, stopped: Callable[[], bool]) -> str:

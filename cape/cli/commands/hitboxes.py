@@ -7,8 +7,9 @@ import numpy as np
 
 from cape import record
 from cape.cli.character import Character, read_character
+from cape.cli.exports.writing import RECORDED
 from cape.cli.figures.rows import print_rows
-from cape.cli.output import open_viewer, output_path
+from cape.cli.output import open_viewer, output_path, require_suffix
 from cape.cli.reading import Reading
 from cape.cli.running import RECORDER, simulated
 from cape.cli.words import gathered
@@ -25,6 +26,9 @@ def run(
 ) -> int:
     """Record the colliders, and how a cape meets them unless `bare`; gives the exit status."""
     record.require_recorder()
+    for file, suffix in ((output, RECORDED), (write, ".toml")):
+        if file is not None:
+            require_suffix(file, (suffix,))
     who = read_character(reading, hitboxes=hitboxes)
     inputs = (*reading.files, hitboxes)
     path = output_path(output, who.name, "_hitboxes.rrd", inputs=inputs)

@@ -4,6 +4,7 @@ import json as json_format
 import warnings
 from pathlib import Path
 
+from cape.cli.exports.writing import RECORDED
 from cape.cli.figures.rows import print_rows
 from cape.cli.output import output_path
 from cape.exports import format_of, require_format
@@ -11,7 +12,6 @@ from cape.record import require_recorder
 from cape.results.take import Take
 from motions.errors import UserError
 
-RECORDED = ".rrd"
 MOST_TOLD = 5  # files of an export, each on a line; of more, the first and the last
 
 

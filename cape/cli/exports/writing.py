@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cape import exports, record
+from cape.cli.output import require_suffix
 from cape.cli.running import RECORDER
 from cape.cli.staging import Staged
 from cape.record.files.sink import room_at
@@ -16,7 +17,9 @@ from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.track import worn_by
 
+RECORDED = ".rrd"
 KEPT = ".npz"
+SUFFIXES = (RECORDED, KEPT, *exports.FORMATS)
 
 
 @dataclass(frozen=True)
@@ -46,8 +49,10 @@ def require_writable(path: Path, *, recorded_only: Mapping[str, bool]) -> None:
         recorded_only: options that make sense of recordings alone, and whether they are given.
 
     Raises:
-        UserError: a package is missing, or such an option is given with something else than a recording.
+        UserError: it names none of these, a package is missing, or such an option is given with something else than a
+            recording.
     """
+    require_suffix(path, SUFFIXES, "Pictures and films are drawn by cape render.")
     suffix = path.suffix.lower()
     if suffix in exports.FORMATS:
         exports.format_of(path)

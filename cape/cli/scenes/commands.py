@@ -5,14 +5,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cape.cli.options import Hitboxes, cut, gathered, motion
+from cape.cli.options import Hitboxes, cut, gathered, help_alone, motion
 
 if TYPE_CHECKING:
     from cape.cli.commands.replay import Cut
     from cape.cli.reading import Reading
 
 scene_files = typer.Typer(
-    no_args_is_help=True, rich_markup_mode=None, help="Write a scene file for cape replay --scene, or look at one."
+    callback=help_alone,
+    invoke_without_command=True,
+    rich_markup_mode=None,
+    help="Write a scene file for cape replay --scene, or look at one.",
 )
 
 

@@ -91,7 +91,9 @@ def decoded(data: bytes, label: str) -> TextureArray:
                     f"it has {image.size[0]} x {image.size[1]} texels, more than {MOST_TEXELS} a side"
                 )
             return np.array(image.convert("RGB"))
-    except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError) as error:
+    except UnidentifiedImageError:
+        raise FileError(f"{label} is no image that can be read: it is of no format that Pillow knows") from None
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise FileError(f"{label} is no image that can be read: {error}") from None
 
 
