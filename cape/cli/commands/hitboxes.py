@@ -26,11 +26,11 @@ def run(
 ) -> int:
     """Record the colliders, and how a cape meets them unless `bare`; gives the exit status."""
     record.require_recorder()
+    inputs = (*reading.files, hitboxes)
     for file, suffix in ((output, RECORDED), (write, ".toml")):
         if file is not None:
-            require_suffix(file, (suffix,))
+            require_suffix(output_path(file, "", inputs=inputs), (suffix,))
     who = read_character(reading, hitboxes=hitboxes)
-    inputs = (*reading.files, hitboxes)
     path = output_path(output, who.name, "_hitboxes.rrd", inputs=inputs)
     if write is not None:
         who.hitboxes.save(output_path(write, who.name, ".toml", inputs=inputs))
