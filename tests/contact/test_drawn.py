@@ -135,7 +135,7 @@ def test_long_threads_are_those_that_shorter_steps_may_shorten():
     scene = Scene(cloth, [attach(cloth, "hand", [0, 1])], [limb], strain_limit=True)
     assembly = assemble(scene, [np.array([0, 1])])
     state = State.at_rest(cloth.positions, np.float64)
-    limit = StrainLimit(assembly, state, np.ones((2, 9)))
+    limit = StrainLimit(assembly, state, list(np.ones((2, 9))))
     assert not limit.too_long()
     most = 0.1 * (1.04 + LEFT)
     state.x[1] = state.x[0] + 1.01 * most  # held at both ends, beside a shorter one
