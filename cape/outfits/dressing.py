@@ -27,6 +27,7 @@ from cape.scene.self_contact import SelfContact
 from motions import quaternions
 from motions.errors import ValueRangeError
 from skeleton.shapes import Bounded
+from skeleton.solid_measures import signed_distance
 from skeleton.track import BoneTrack
 
 if TYPE_CHECKING:
@@ -142,12 +143,7 @@ def _come_to_rest(scene: Scene, around: Sequence[Box], track: BoneTrack) -> Floa
 
 def _deepest(places: FloatArray, boxes: Sequence[Box]) -> float:
     """How deep the deepest of some places (V, 3) is in one of the boxes [m], below zero outside of all."""
-    inside = [
-        np.asarray(box.half_sizes)
-        - np.abs(quaternions.rotate(quaternions.conjugate(np.asarray(box.rotation_wxyz)), places - box.center))
-        for box in boxes
-    ]
-    return max(float(depths.min(axis=1).max()) for depths in inside)
+    return -min(float(signed_distance(box, places).min()) for box in boxes)
 
 
 def _settled(scene: Scene, track: BoneTrack, settle: float | None) -> FloatArray:

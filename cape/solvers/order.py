@@ -222,7 +222,8 @@ def _limit_strays(thread: Thread) -> list[Use]:
     running = thread.running
     if running.strays is None:
         return []
-    strays = LimitedStrays(running.state, thread.inverse_mass, running.strays)
+    limited = LimitedLinks(running.state, thread.inverse_mass, running.strays.links)
+    strays = LimitedStrays(limited, running.strays.counts)
     return [*wait(thread), *([Use(limit_strays, strays)] if thread.is_first else []), *wait(thread)]
 
 

@@ -48,7 +48,8 @@ class Running:
     def limits(self) -> tuple[NDArray[np.floating], ...]:
         """How long threads may get [m], of a grid shape (2, N) and (n,), of a mesh (n,); none where nothing limits
         them."""
-        lists = (each.longest for each in (self.strays, self.links) if each is not None)
+        strays = None if self.strays is None else self.strays.links
+        lists = (each.longest for each in (strays, self.links) if each is not None)
         return (*lists,) if self.longest is None else (self.longest, *lists)
 
     def go_on_with(self, assembly: Assembly) -> None:

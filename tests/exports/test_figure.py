@@ -159,8 +159,10 @@ def test_a_glb_of_joint_chains_has_the_mesh_as_well(take: Take, tmp_path: Path):
         take.export(tmp_path / "a.glb", joints=4)
     nodes = GLB(tmp_path / "a.glb").content["nodes"]
     [node] = [k for k, each in enumerate(nodes) if each["name"] == "face"]
-    read = skinned_reader.read(tmp_path / "a.glb", node)
-    same(read.vertices, placed(take.bones, skin_of(take).pieces[1]) @ Z_UP_TO_Y_UP.T)
+    read, piece = skinned_reader.read(tmp_path / "a.glb", node), skin_of(take).pieces[1]
+    assert read.vertices.shape == (FRAMES, len(piece.vertices), 3)
+    assert "cape" in {each["name"] for each in nodes}
+    same(read.vertices, placed(take.bones, piece) @ Z_UP_TO_Y_UP.T)
 
 
 def test_usd_shows_the_mesh_where_its_bones_take_it(take: Take, tmp_path: Path):
@@ -232,7 +234,10 @@ def test_a_character_from_a_file_goes_into_files(tmp_path: Path):
     _, places, turns = walking(who, 4)
     nodes = GLB(tmp_path / "out.glb").content["nodes"]
     [node] = [k for k, each in enumerate(nodes) if each["name"] == "Body"]
-    same(skinned_reader.read(tmp_path / "out.glb", node).vertices, skinned(who, places, turns))
+    read, expected = skinned_reader.read(tmp_path / "out.glb", node).vertices, skinned(who, places, turns)
+    assert read.shape == expected.shape == (4, len(who.vertices), 3)
+    assert np.ptp(expected, axis=0).max() > 0.01  # it moves
+    same(read, expected)
 
 
 def test_a_character_comes_back_from_a_glb(tmp_path: Path):

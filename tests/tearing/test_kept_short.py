@@ -234,9 +234,9 @@ def test_threads_that_no_limit_could_keep_are_limited_again_after_a_tear():
     assert strays is not None
     count = int(strays.counts[0])
     assert count > 0
-    assert np.isinf(strays.longest[:count]).all()
+    assert np.isinf(strays.links.longest[:count]).all()
     cloth.limit.acts = True
-    assert np.allclose(strays.longest[:count], (1.0 + LIMIT) * 0.05)
+    assert np.allclose(strays.links.longest[:count], (1.0 + LIMIT) * 0.05)
     # Nothing joins the row of the tear to the one below any more but what is astray.
     longest = cloth.running.longest
     assert longest is not None

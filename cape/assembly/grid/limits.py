@@ -7,6 +7,7 @@ from cape.assembly.assemble import Assembly
 from cape.assembly.grid.split_springs import SplitSprings
 from cape.cloth.cloth import Cloth, GridCloth
 from cape.cloth.split_grid import SplitGrid
+from cape.kernels.solve.link_limit import Links
 from cape.kernels.tearing.limit import StrayLinks
 
 Array = NDArray[np.floating]
@@ -39,9 +40,9 @@ def stray_links(assembly: Assembly, dtype: type[np.floating]) -> StrayLinks | No
     room = THREADS_A_CELL * len(grid.corners)
     first, second = np.zeros((2, room), np.uint32)
     chain = max(grid.whole.rows, grid.whole.columns)
-    links = StrayLinks(np.zeros(1, np.int64), first, second, np.ones(room, dtype), chain)
-    fill_links(links, assembly)
-    return links
+    strays = StrayLinks(np.zeros(1, np.int64), Links(first, second, np.ones(room, dtype), chain))
+    fill_links(strays, assembly)
+    return strays
 
 
 def fill_links(room: StrayLinks, assembly: Assembly) -> None:
@@ -54,8 +55,8 @@ def fill_links(room: StrayLinks, assembly: Assembly) -> None:
     order = np.lexsort((springs.parts.cell[strays], -family))
     strays, family = strays[order], family[order]
     count = room.counts[0] = len(strays)
-    room.first[:count], room.second[:count] = springs.first[strays], springs.second[strays]
-    room.longest[:count] = (1.0 + _limits(grid)[family]) * springs.rest[strays]
+    room.links.first[:count], room.links.second[:count] = springs.first[strays], springs.second[strays]
+    room.links.longest[:count] = (1.0 + _limits(grid)[family]) * springs.rest[strays]
 
 
 def _limits(cloth: Cloth) -> NDArray[np.float64]:

@@ -11,8 +11,7 @@ class Codegen(codegen.JITCPUCodegen):
     """Numba's, but without vector gathers.
 
     LLVM takes them for cheap. On AMD's Zen 4 they cost more than loads one by one: a mesh's springs in double precision
-    28 instead of 20 ns for a vertex (`python -m tests.bench.mesh --double`); and on Intel's processors since the
-    correction of what was found in 2023 (Downfall, CVE-2022-40982).
+    27 instead of 19 ns for a vertex (`python -m tests.bench.mesh --double`).
     """
 
     def _customize_tm_features(self) -> str:

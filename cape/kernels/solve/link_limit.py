@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.kernels.fused import fused
-from cape.kernels.jit import kernel, unit
+from cape.kernels.jit import kernel, routine, unit
 from cape.kernels.solve.strain_limit import RETURN, SLACK, sweeps_over
 from cape.kernels.state import State
 
@@ -40,11 +40,18 @@ class LimitedLinks(NamedTuple):
 @unit
 def limit_links(g, team, substep, substeps, step):
     """Keep links of threads from getting too long."""
+    keep_short(g, g.links.longest.size, step)
+
+
+@routine
+def keep_short(g, count, step):
+    """Shorten the first links of a cloth, so many, in turn until none of them is too long."""
     s, links = g.state, g.links
     for _ in range(sweeps_over(links.chain, step)):
         if not shorten_links(
-            s.x, s.y, s.z, s.vx, s.vy, s.vz, g.inverse_mass, links.first, links.second, links.longest, RETURN * step
-        ):
+            s.x, s.y, s.z, s.vx, s.vy, s.vz, g.inverse_mass, links.first[:count], links.second[:count],
+            links.longest[:count], RETURN * step,
+        ):  # fmt: skip
             break
 
 

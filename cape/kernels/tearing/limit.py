@@ -9,39 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.kernels.jit import unit
-from cape.kernels.solve.link_limit import shorten_links
-from cape.kernels.solve.strain_limit import RETURN, sweeps_over
-from cape.kernels.state import State
-
-Array = NDArray[np.floating]
+from cape.kernels.solve.link_limit import LimitedLinks, Links, keep_short
 
 
 class StrayLinks(NamedTuple):
-    """Links of threads, of which the first `counts` (1,) are there: vertices `first` and `second` (n,), and how long
-    each may get, `longest` [m] (n,). No chain of them is longer than `chain`."""
+    """Room for `links` of threads, of which the first `counts` (1,) are there."""
 
     counts: NDArray[np.int64]
-    first: NDArray[np.uint32]
-    second: NDArray[np.uint32]
-    longest: Array
-    chain: int
+    links: Links
 
 
 class LimitedStrays(NamedTuple):
-    """A cloth whose stray `links` are limited; `inverse_mass` [1/kg] (N,) is zero for attached vertices."""
+    """A cloth whose links are `limited`, of which the first `counts` (1,) are there."""
 
-    state: State
-    inverse_mass: Array
-    links: StrayLinks
+    limited: LimitedLinks
+    counts: NDArray[np.int64]
 
 
 @unit
 def limit_strays(g, team, substep, substeps, step):
     """Keep stray links of threads from getting too long."""
-    s, links, count = g.state, g.links, g.links.counts[0]
-    for _ in range(sweeps_over(links.chain, step)):
-        if not shorten_links(
-            s.x, s.y, s.z, s.vx, s.vy, s.vz, g.inverse_mass, links.first[:count], links.second[:count],
-            links.longest[:count], RETURN * step,
-        ):  # fmt: skip
-            break
+    keep_short(g.limited, g.counts[0], step)
