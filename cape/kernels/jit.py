@@ -10,9 +10,9 @@ All may also be called from Python, with arrays, numbers and NamedTuples of them
 (NUMBA_DISABLE_JIT=1) they are plain Python. What has been compiled is kept on disk (`kernels.store`); where all that a
 run needs is there, the compiler is not even imported.
 
-No fast math: every operation is done as written, in IEEE arithmetic, so that a result has the same bits whether a loop
-was vectorised or not, inlined or not, compiled just now or taken from the disk, on one thread or many. Where a product
-and a sum may be one instruction, `kernels.fused` says so.
+No fast math: every operation is done as written, in IEEE arithmetic but for `compiler.subnormals`, so that a result has
+the same bits whether a loop was vectorised or not, inlined or not, compiled just now or taken from the disk, on one
+thread or many. Where a product and a sum may be one instruction, `kernels.fused` says so.
 """
 
 import importlib

@@ -87,7 +87,7 @@ class Frame:
         if not COMPILER_OFF:
             self._packed = linker._pack(self._call)
             assert isinstance(self._packed.kind, GroupKind)
-            linker.want(store.Request(run_frame, (self._packed.kind,)), self._enter)
+            linker.want(store.Request(run_frame, (self._packed.kind,), spread=True), self._enter)
 
     def _enter(self, address: int) -> None:
         self._entry = calling.Entry(store.Code(address, "none"))
@@ -106,7 +106,7 @@ class Frame:
             self._call.part[:] = done, done + steps
             begun = time.perf_counter()
             if self._entry is None:
-                run_frame.python(self._call)
+                run_frame.python(*self._call)
             else:
                 self._entry(self._packed.address)
             spent = time.perf_counter() - begun

@@ -86,11 +86,10 @@ def run(program, team, substep, substeps, step):
 
 
 @routine
-def run_frame(call):
-    """Advance a cloth by a part of a frame."""
-    substeps = call.substeps[0]
-    step = call.duration[0] / substeps
-    if call.part[0] == 0:
-        run(call.begin, call.team, 0, substeps, step)
-    for substep in range(call.part[0], call.part[1]):
-        run(call.substep, call.team, substep, substeps, step)
+def run_frame(begin, substep, team, substeps, duration, part):
+    """Advance a cloth by a part of a frame; the arguments are the fields of a `FrameCall`."""
+    step = duration[0] / substeps[0]
+    if part[0] == 0:
+        run(begin, team, 0, substeps[0], step)
+    for k in range(part[0], part[1]):
+        run(substep, team, k, substeps[0], step)

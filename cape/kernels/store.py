@@ -120,11 +120,17 @@ def machine() -> tuple[str, ...]:
 
 def sources_of(function: Function) -> str:
     """Digest of the sources that a function is made of: its module, all that this imports, and the compiler's own."""
-    modules = {function.__module__, "cape.kernels.compiler", "cape.kernels.packing", "cape.kernels.jit"}
+    modules = {function.__module__, "cape.kernels.packing", "cape.kernels.jit", *_compilers(ROOT)}
     while function.formula is not None:
         function = function.formula
         modules.add(function.__module__)
     return _digest(tuple(sorted(modules)))
+
+
+@cache
+def _compilers(root: Path) -> frozenset[str]:
+    """The modules of the compiler, which are imported where something must be compiled only."""
+    return frozenset(f"cape.kernels.compiler.{file.stem}" for file in (root / "cape/kernels/compiler").glob("*.py"))
 
 
 @cache

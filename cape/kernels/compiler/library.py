@@ -17,6 +17,7 @@ from numba.core.compiler_lock import global_compiler_lock
 
 from cape.kernels.compiler.kinds import NUMBERS, type_of
 from cape.kernels.compiler.processor import CODEGEN, machine
+from cape.kernels.compiler.subnormals import count_subnormals_as_zero, restore
 from cape.kernels.compiler.typing import Typing, lower
 from cape.kernels.jit import Function
 from cape.kernels.packing import GroupKind, Kind
@@ -138,8 +139,12 @@ def _machine_code(function: Function, kinds: tuple[Kind, ...], spread: bool) -> 
     if spread:
         (group,) = kinds
         assert isinstance(group, GroupKind)
-        names: dict[str, Any] = {"function": function}
-        exec(f"def entry(group):\n    return function({', '.join(f'group.{name}' for name, _ in group.fields)})", names)
+        fields = ", ".join(f"group.{name}" for name, _ in group.fields)
+        names: dict[str, Any] = {"function": function, "begin": count_subnormals_as_zero, "end": restore}
+        exec(
+            f"def entry(group):\n    mode = begin()\n    result = function({fields})\n    end(mode)\n    return result",
+            names,
+        )
         function = Function(names["entry"])
     whole = made(function, tuple(type_of(kind) for kind in kinds))
     module = whole.library.link_and_optimise()
