@@ -205,7 +205,7 @@ def search(
     ahead: float,
 ) -> None:
     """List the pairs that may come within `reach` [m] of each other, but for those that are nearer at rest."""
-    patches.look(s, ahead, layers.sight.places)
+    patches.look(s, ahead, ahead, layers.sight.places)
     near_pairs.search(layers._replace(thickness=nearest, margin=reach - nearest), inverse_mass)
 
 
@@ -294,7 +294,7 @@ def test_what_strays_from_where_it_was_foreseen(rng: np.random.Generator):
     n, ahead, limit = 64, 0.01, 0.02
     s = State(*rng.uniform(-1.0, 1.0, (6, n)))
     places = np.zeros((6, n))
-    patches.look(s, 0.03, places)
+    patches.look(s, 0.03, 0.03, places)
     for later in (0.0, 0.02):
         moved = State(*np.concatenate([np.stack(s[:3]) + later * np.stack(s[3:]) + 7.0, s[3:]]))
         assert patches.is_foreseen(moved, places, ahead, limit)
@@ -305,6 +305,20 @@ def test_what_strays_from_where_it_was_foreseen(rng: np.random.Generator):
     aside.x[5] += 0.025
     assert not patches.is_foreseen(aside, places, 0.0, limit)
     assert not patches.is_foreseen(s, np.full((6, n), np.nan), ahead, limit)
+
+
+def test_fast_vertices_are_foreseen_for_a_short_way_only(rng: np.random.Generator):
+    n, least, ahead = 64, 0.002, 0.01
+    s = State(*rng.uniform(-1.0, 1.0, (6, n)))
+    for component in s[3:]:
+        component *= np.geomspace(1e-3, 1e2, n)
+    places = np.zeros((6, n))
+    patches.look(s, least, ahead, places)
+    speed = np.linalg.norm([component - component[:: patches.SAMPLE].mean() for component in s[3:]], axis=0)
+    way = np.linalg.norm(places[3:], axis=0)
+    np.testing.assert_allclose(way, np.maximum(np.minimum(speed * ahead, patches.FAR), speed * least), rtol=1e-12)
+    assert (way < speed * ahead).any()
+    assert (way > patches.FAR).any()
 
 
 def test_a_pair_remembers_its_side():

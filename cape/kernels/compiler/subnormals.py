@@ -19,6 +19,7 @@ Architectures Software Developer's Manual", volume 1, sections 10.2.3.3 and 10.2
 @intrinsic(lambda: 0)
 def count_subnormals_as_zero(typingctx):
     """Do so on this thread, where its processor is one that minds them; returns what to give to `restore`."""
+
     def generate(context, builder, signature, arguments):
         word = ir.IntType(32)
         if not _minds(builder):
@@ -36,6 +37,7 @@ def count_subnormals_as_zero(typingctx):
 @intrinsic(lambda before: None)
 def restore(typingctx, before):
     """Leave this thread as it was before."""
+
     def generate(context, builder, signature, arguments):
         if _minds(builder):
             place = _room(builder)

@@ -19,6 +19,7 @@ FloatArray = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 WIDEST = 2.0 * math.pi / 3.0  # angle between any two normals up to which neighbouring patches can't touch
+FAR = 0.05  # m that fast vertices are foreseen to go: the edges of a tear whip about, past much that they never meet
 SAMPLE = 16  # one vertex in so many tells how the cloth moves as a whole
 TINY = 1e-12  # m2, of a way that is none
 
@@ -100,13 +101,21 @@ def count_strayed(x, y, z, vx, vy, vz, px, py, pz, wx, wy, wz, ahead, mx, my, mz
 
 
 @routine
-def look(s, ahead, places):
-    """Note where vertices are, relative to their mean, and how they go on for `ahead` seconds."""
+def look(s, least, ahead, places):
+    """Note where vertices are, relative to their mean, and how they go on for `ahead` seconds.
+
+    Fast ones are foreseen for `FAR` only, but for `least` seconds: what is on a long way is much, and soon left behind.
+    """
     mx, my, mz = sample_mean(s.x), sample_mean(s.y), sample_mean(s.z)
     u, v, w = sample_mean(s.vx), sample_mean(s.vy), sample_mean(s.vz)
     for i in range(s.x.size):
+        vx, vy, vz = s.vx[i] - u, s.vy[i] - v, s.vz[i] - w
+        speed = math.sqrt(vx * vx + vy * vy + vz * vz)
+        time = ahead
+        if speed * ahead > FAR:
+            time = max(FAR / speed, least)
         places[0, i], places[1, i], places[2, i] = s.x[i] - mx, s.y[i] - my, s.z[i] - mz
-        places[3, i], places[4, i], places[5, i] = ahead * (s.vx[i] - u), ahead * (s.vy[i] - v), ahead * (s.vz[i] - w)
+        places[3, i], places[4, i], places[5, i] = time * vx, time * vy, time * vz
 
 
 @routine

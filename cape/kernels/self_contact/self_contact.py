@@ -138,7 +138,8 @@ class Searched(NamedTuple):
 @unit
 def look_ahead(g, team, substep, substeps, step):
     """Note where vertices are and how they go on until the next search."""
-    look(g.state, max(HORIZON, looks_between(step) * step), g.places)
+    least = looks_between(step) * step
+    look(g.state, least, max(HORIZON, least), g.places)
 
 
 @unit
