@@ -13,6 +13,7 @@ from cape.results.kept_contacts import KeptContacts
 from cape.results.take import Take
 from cape.results.topology import Topology, all_vertices, most_split, padded, with_room
 from cape.run.simulation import Simulation
+from motions.skin import Skin
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
@@ -28,9 +29,9 @@ class Keeper:
         solve_s: time that was spent on their steps [s].
     """
 
-    def __init__(self, rig: Rig, name: str) -> None:
-        """Keep nothing yet, of a rig that has been started."""
-        self._rig, self._name = rig, name
+    def __init__(self, rig: Rig, name: str, *, skin: Skin | None = None) -> None:
+        """Keep nothing yet, of a rig that has been started, whose bones may move a skin."""
+        self._rig, self._name, self._skin = rig, name, skin
         self.solve_s = 0.0
         bones = len(rig.hands.source.names)
         self._positions = Kept((rig.scene.cloth.vertices, 3), np.float32, in_memory=IN_MEMORY)
@@ -85,7 +86,9 @@ class Keeper:
         split = most_split(topologies)
         return Take(
             name=self._name,
-            bones=BoneTrack(source.names, readings[:, 0], poses[:, :, :3], poses[:, :, 3:], parents, source.roles),
+            bones=BoneTrack(
+                source.names, readings[:, 0], poses[:, :, :3], poses[:, :, 3:], parents, source.roles, self._skin
+            ),
             colliders=tuple(scene.colliders),
             triangles=topologies[0].triangles,
             texcoords=scene.cloth.texcoords[split.parents],

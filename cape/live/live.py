@@ -27,7 +27,8 @@ from cape.run.simulate import first_motion
 from cape.scene.scene import Scene
 from cape.solvers import Solver, SymplecticEuler
 from motions.border import checked_first
-from motions.errors import UserError, ValueRangeError
+from motions.errors import UnknownNameError, UserError, ValueRangeError
+from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
 
@@ -65,6 +66,7 @@ class Live:
         keep: bool = False,
         end_with_viewer: bool = True,
         surfaces: Sequence[LinkSurface] = (),
+        skin: Skin | None = None,
         on_frame: Callable[["Live"], None] | None = None,
     ) -> None:
         """Hold what is to run; nothing is computed before `start`.
@@ -83,10 +85,11 @@ class Live:
             keep: keep all frames, for `take`.
             end_with_viewer: end the run when the viewer that it has opened is closed.
             surfaces: meshes that the bones carry.
+            skin: mesh that they move, drawn in place of a body by proportions; None for the motion's own, if any.
             on_frame: called after each frame, on the thread of the physics, which waits for it.
 
         Raises:
-            UnknownNameError: the scene uses a bone that the source has not.
+            UnknownNameError: the scene uses a bone that the source has not, or the skin one.
             ValueRangeError: fps is not above 0 and at most 1000, or the source gives no poses.
         """
         if not 0.0 < fps <= 1000.0:
@@ -98,6 +101,7 @@ class Live:
         self._builder, self._todo = Builder(), SimpleQueue[Callable[[], str | None]]()
         self.changes = Changes(self._rig, self._builder, self._do)
         self._viewing, self._bind, self._surfaces, self._keep = viewer, bind, tuple(surfaces), keep
+        self._skin = _skin_on(skin or (source.skin if isinstance(source, BoneTrack) else None), self._source)
         self._on_frame, self._end_with_viewer = on_frame, end_with_viewer
         self._pacer = Pacer(1.0 / fps)
         self._over, self._awake = threading.Event(), threading.Event()
@@ -124,10 +128,10 @@ class Live:
         velocity, spin = self._first_motion
         self._rig.start(velocity=velocity, spin=spin)
         if self._keep:
-            self._keeper = Keeper(self._rig, self.name)
+            self._keeper = Keeper(self._rig, self.name, skin=self._skin)
         if self._viewing != "none":
             self._screen = Screen(
-                self._rig, self.name, viewing=self._viewing, bind=self._bind, surfaces=self._surfaces,
+                self._rig, self.name, viewing=self._viewing, bind=self._bind, surfaces=self._surfaces, skin=self._skin,
                 hear=lambda line: obey(self, line),
             )  # fmt: skip
             self._screen.show(0)
@@ -374,6 +378,18 @@ def source_of(source: "Source | BoneTrack | Told | None", scene: Scene) -> Sourc
     if source is None:
         return ToldSource(lambda _: {}, scene.bones)
     return ToldSource(source, scene.bones) if callable(source) else source
+
+
+def _skin_on(skin: Skin | None, source: Source) -> Skin | None:
+    """A skin, if the bones that it hangs at are all there.
+
+    Raises:
+        UnknownNameError: one is not.
+    """
+    for bone in () if skin is None else skin.bones:
+        if bone not in source.names:
+            raise UnknownNameError("bone", bone, source.names, "The skin hangs at it")
+    return skin
 
 
 def _first_motion(source: object, scene: Scene, fps: float) -> tuple[np.ndarray, np.ndarray]:

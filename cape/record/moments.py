@@ -14,6 +14,7 @@ from cape.record.blueprint import layout
 from cape.record.figure.body import log_body
 from cape.record.figure.clasp import log_clasp
 from cape.record.figure.robot import log_robot
+from cape.record.figure.skin import log_skin
 from cape.record.frames import Frames, send_once
 from cape.record.layers import log_cape, log_skeleton
 from cape.record.poses import xyzw
@@ -26,6 +27,7 @@ from cape.results.topology import Topology
 from cape.scene.colliders import Collider, Plane
 from cape.scene.floor import floor_under
 from motions import quaternions
+from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
 
@@ -56,6 +58,7 @@ class Shown:
         surfaces: meshes that the bones carry.
         topology: which vertices the triangles have, where the cloth has torn.
         tears: how many edges have parted.
+        skin: mesh that the bones move, drawn in place of a body by proportions; None for none.
     """
 
     name: str
@@ -68,6 +71,7 @@ class Shown:
     surfaces: Sequence[LinkSurface] = ()
     topology: Topology | None = None
     tears: int = 0
+    skin: Skin | None = None
 
     def track(self, time: float, positions: FloatArray, rotations_wxyz: FloatArray) -> BoneTrack:
         """The bones at a time [s], as a motion of one frame: origins [m] (B, 3), quaternions bone_to_world (B, 4)."""
@@ -121,9 +125,10 @@ class MomentRecording:
         standing = [c for c in self._colliders if isinstance(c, Plane) and c.bone is None]
         self._floor = self._floor or (standing[0] if standing else floor_under(self._colliders, track))
         self._begins = True
-        height = figure_height(track, Frames(np.zeros(1, np.int64), track.times), shown.surfaces)
+        height = figure_height(track, Frames(np.zeros(1, np.int64), track.times), shown.surfaces, shown.skin)
         linings = {c.path: c.look.lining for c in entities_of([(shown.name, shown.cloth)])}
-        return layout(self._asked, height, self._colliders, linings=linings, follow=True)
+        skinned = shown.skin is not None
+        return layout(self._asked, height, self._colliders, linings=linings, follow=True, skinned=skinned)
 
     def add(self, number: int, track: BoneTrack, positions: NDArray[np.float32]) -> None:
         """Send a frame: its number, the bones as a motion of one frame, the cloth's vertices [m], shape (V, 3)."""
@@ -137,7 +142,9 @@ class MomentRecording:
         log_clasp(stream, take, frames, path=cloth.clasp)
         if "robot" in self._asked:
             log_robot(stream, track, shown.surfaces, frames)
-        if "body" in self._asked:
+        if shown.skin is not None:
+            log_skin(stream, track, shown.skin, frames)
+        elif "body" in self._asked:
             log_body(stream, track, self._colliders, frames)
         log_skeleton(stream, track, frames)
         log_hitboxes(stream, track, self._colliders, frames)

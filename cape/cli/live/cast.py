@@ -34,7 +34,7 @@ class Cast:
         source: where the bones are.
         character: the same, where it can be steered.
         surfaces: what a robot looks like.
-        skin: what a character with a mesh of its own looks like; a recording draws it.
+        skin: what a character with a mesh of its own looks like.
         decisions: what had to be decided, a sentence each.
     """
 

@@ -67,7 +67,7 @@ def run(
         _tell(f"{who.name}: {decision}")
     live = Live(
         who.scene, who.source, name=who.name, fps=reading.frame_rate or FPS, solver=solver, viewer=viewer, bind=bind,
-        keep=output is not None, surfaces=who.surfaces,
+        keep=output is not None, surfaces=who.surfaces, skin=who.skin,
     )  # fmt: skip
     with _ended_by_signals(live):
         try:
@@ -126,7 +126,7 @@ def _write(live: Live, keeper: Keeper, output: Path, who: Cast) -> None:
     while True:
         take = live.take(frames=frames)
         try:
-            kind = write(take, output, layers=None, surfaces=who.surfaces, skin=who.skin)
+            kind = write(take, output, layers=None, surfaces=who.surfaces)
             break
         except FileError as error:
             free = shutil.disk_usage(output.resolve().parent).free

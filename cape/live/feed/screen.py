@@ -14,6 +14,7 @@ from cape.live.feed.viewers import STARTING, ViewerProcess, address, free_port
 from cape.live.rig import Rig
 from cape.record.moments import Shown
 from motions.errors import UserError
+from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
 
 ROOM = 4  # times as many vertices as there are, for those that tears add
@@ -31,6 +32,7 @@ class Screen:
         viewing: str,
         bind: str,
         surfaces: Sequence[LinkSurface] = (),
+        skin: Skin | None = None,
         hear: Callable[[str], None] | None = None,
     ) -> None:
         """Open the viewer.
@@ -42,11 +44,12 @@ class Screen:
             bind: address to listen on.
             hear: called with what is asked for on the page, a line each.
             surfaces: meshes that the bones carry.
+            skin: mesh that they move.
 
         Raises:
             UserError: the viewer does not start.
         """
-        self._rig, self._name, self._surfaces = rig, name, tuple(surfaces)
+        self._rig, self._name, self._surfaces, self._skin = rig, name, tuple(surfaces), skin
         self._known: tuple[object, ...] = ()
         self._setup = 0
         self._served = threading.Event()
@@ -130,5 +133,5 @@ class Screen:
         rig, source = self._rig, self._rig.hands.source
         return Shown(
             self._name, rig.scene.cloth, tuple(rig.scene.colliders), rig.scene.thickness, tuple(source.names),
-            source.parents, dict(source.roles), self._surfaces, rig.topology, rig.simulation.tears,
+            source.parents, dict(source.roles), self._surfaces, rig.topology, rig.simulation.tears, self._skin,
         )  # fmt: skip

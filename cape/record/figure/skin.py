@@ -30,9 +30,10 @@ def log_skin(stream: rr.RecordingStream, bones: BoneTrack, skin: Skin, frames: F
     at, morphs = [bones.index(bone) for bone in skin.bones], morphs_of(bones, skin)
     for piece in skin.pieces:
         path = rr.new_entity_path(["world", "body", piece.name])
-        send_once(
-            stream, path, rr.Mesh3D.from_fields(triangle_indices=piece.triangles.astype(np.uint32), **look(piece))
-        )
+        if frames.begins:
+            send_once(
+                stream, path, rr.Mesh3D.from_fields(triangle_indices=piece.triangles.astype(np.uint32), **look(piece))
+            )
         for block in frames.blocks(2 * 12 * len(piece.vertices)):
             numbers = frames.numbers[block]
             weights = None if morphs is None else morphs[numbers]
