@@ -4,7 +4,7 @@
 
 Depths are measured by `cape.results.penetration`, apart from what a solver believes. `clips` takes the shipped clips
 and the BVH files of the folder CAPE_CLIPS, where it is set. Without `--solver` the default one steps all cases but
-`limb`, which takes all solvers. See `contact_cases` for what each figure is.
+`limb`, which takes all solvers. See `cases` for what each figure is.
 """
 
 import argparse
@@ -17,8 +17,8 @@ from typing import Any
 
 import cape
 from cape import SOLVERS, Solver
-from tests.bench import contact_cases as cases
-from tests.bench.contact_cases import ClipRow, CostRow, LimbRow, ManyRow, RestRow
+from tests.bench.contact import cases
+from tests.bench.contact.cases import ClipRow, CostRow, LimbRow, ManyRow, RestRow
 
 Row = ClipRow | RestRow | CostRow | LimbRow | ManyRow
 NESTED = {"by_collider"}  # for the JSON alone
