@@ -52,11 +52,12 @@ def take_frame(cloth: Hanging, motion: Motion, dt: float, substeps: int, before:
     Raises:
         Diverged: it explodes at any step.
     """
-    exploded, refined, troubled = False, False, False
+    exploded, refined, troubled, lasting = False, False, False, 0
     for attempt in range(RETRIES + 1):
         unconverged, sound = cloth.complete(motion, dt, substeps, before)
         if attempt == 0 and sound and not fixed:
             needed, drawing = _needed_substeps(cloth, substeps, dt)
+            lasting = before.lasting + 1 if cloth.limit.excess() > 0.0 else 0
             if max(needed, drawing) > substeps:
                 refined = needed > substeps
                 cloth.restore(before)
@@ -70,6 +71,7 @@ def take_frame(cloth: Hanging, motion: Motion, dt: float, substeps: int, before:
         patience = WHIRL_RETRIES if cloth.whirls() else CONVERGENCE_RETRIES if unconverged else 0
         if sound and attempt >= patience:
             cloth.limit.rest()
+            cloth.limit.lasting = lasting
             cloth.note_lift(dt)
             converged = unconverged == 0
             return Taken(exploded, refined and converged, troubled and converged, not converged)

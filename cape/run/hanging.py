@@ -372,7 +372,7 @@ class Hanging:
         known = self.assembly.layers
         kept = None if known is None else self_contact.keep(known)
         state, pinched, drawn = tuple(c.copy() for c in self.state), self._pinched.copy(), self.running.drawn.by.copy()
-        return Moment(state, kept, pinched, drawn, self.limit.acts, self._center, self.strained)
+        return Moment(state, kept, pinched, drawn, self.limit.acts, self.limit.lasting, self._center, self.strained)
 
     def restore(self, before: Moment) -> None:
         """Put a moment back."""
@@ -381,7 +381,7 @@ class Hanging:
         self._center, self.strained = before.center, before.strained
         self._pinched[:] = before.pinched
         self.running.drawn.by[:] = before.drawn
-        self.limit.acts = before.limited
+        self.limit.acts, self.limit.lasting = before.limited, before.lasting
         if self.assembly.layers is not None and before.layers is not None:
             self_contact.put_back(self.assembly.layers, before.layers)
 

@@ -13,11 +13,16 @@ from cape.kernels.cloth.measure import is_strained
 from cape.kernels.state import State
 
 LEFT = 0.01  # strain beyond their limit that sweeps over threads may leave
+TUG = 12  # frames in a row in which threads are too long, after which it is no tug, but a body that they lie around
 TORN = 0.1  # strain beyond their limit at which a few threads bear what others are not let to
 
 
 class StrainLimit:
-    """The threads of a cloth at a state, which may change in place; those that are held at both ends don't count."""
+    """The threads of a cloth at a state, which may change in place; those that are held at both ends don't count.
+
+    Attributes:
+        lasting: for how many frames in a row threads have been too long that no two limbs pinch.
+    """
 
     def __init__(self, assembly: Assembly, state: State, longest: Sequence[NDArray[np.floating]]) -> None:
         """Choose the threads of a scene that limits strain; of others none.
@@ -30,7 +35,7 @@ class StrainLimit:
         self._most = float(max(fabric.limit_warp, fabric.limit_weft)) + LEFT
         self._state, self._colliders = state, assembly.contacts.colliders
         self._longest, self._usual = longest, [each.copy() for each in longest]
-        self._acts = len(longest) > 0
+        self._acts, self.lasting = len(longest) > 0, 0
         self._any = Bound(is_strained, *state[:3], self._first, self._second, self._rest, self._most)
 
     @property
@@ -56,13 +61,21 @@ class StrainLimit:
         self.acts = acts
 
     def too_long(self) -> bool:
-        """Tell whether the limit has left threads too long that shorter steps may shorten: that no two limbs pinch."""
+        """Tell whether the limit has left threads too long that shorter steps may shorten: that no two limbs pinch.
+
+        Where threads have been so for long, a little more is left: shorter steps would be taken in every frame.
+        """
+        return self.excess() > (LEFT if self.lasting >= TUG else 0.0)
+
+    def excess(self) -> float:
+        """By how much more than they may threads are strained that no two limbs pinch, 0 at least."""
         if not self._acts or not self._any():
-            return False
-        if self._colliders is None:
-            return True
-        pinched = self._colliders.pinched
-        return bool((self._strains()[~pinched[self._first] & ~pinched[self._second]] > self._most).any())
+            return 0.0
+        strains = self._strains()
+        if self._colliders is not None:
+            pinched = self._colliders.pinched
+            strains = strains[~pinched[self._first] & ~pinched[self._second]]
+        return max(float(strains.max(initial=0.0)) - self._most, 0.0)
 
     def torn(self) -> bool:
         """Tell whether some bear far more than the limit, as where limbs draw out more than all together may give."""

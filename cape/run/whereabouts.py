@@ -16,13 +16,15 @@ FloatArray = NDArray[np.float64]
 
 class Moment(NamedTuple):
     """The state at some time, and what was known then: how the cloth touches itself, which vertices two colliders
-    pinch, by how far threads have drawn them and if they are limited, where it is, if it is strained."""
+    pinch, by how far threads have drawn them, if they are limited and for how many frames they have been too long all the
+    same, where it is, if it is strained."""
 
     state: tuple[NDArray[np.floating], ...]
     layers: self_contact.Kept | None
     pinched: NDArray[np.bool_]
     drawn: FloatArray
     limited: bool
+    lasting: int
     center: FloatArray
     strained: bool
 

@@ -9,6 +9,7 @@ import pytest
 import cape
 from cape import Capsule, Fabric, Pose, Scene, Simulation, attach
 from cape.assembly.assemble import assemble
+from cape.kernels.bones import Motion
 from cape.kernels.contact import contact
 from cape.kernels.contact.contact import EXIT
 from cape.kernels.contact.drawn import DRAWN, Drawing, Drawn, begin_drawing, end_drawing
@@ -16,7 +17,9 @@ from cape.kernels.contact.shapes import MOMENT
 from cape.kernels.contact.watch import GAIN, NEVER
 from cape.kernels.state import State
 from cape.kernels.team import Team
-from cape.run.strain_limit import LEFT, StrainLimit
+from cape.run.attempts import DRAWING
+from cape.run.hanging import Hanging
+from cape.run.strain_limit import LEFT, TUG, StrainLimit
 from skeleton.shapes import Plane
 from tests.support.scenes import grid_cloth
 from tests.support.shapes import moving, record, touching
@@ -150,3 +153,31 @@ def test_long_threads_are_those_that_shorter_steps_may_shorten():
     assert colliders is not None
     colliders.pinched[5] = True
     assert not limit.too_long()
+    colliders.pinched[5] = False
+    limit.lasting = TUG
+    assert limit.too_long()
+    state.z[8] = state.z[5] - 1.005 * most
+    assert not limit.too_long()
+    assert limit.excess() > 0.0
+
+
+def test_threads_that_stay_too_long_a_little_are_not_shortened_for_ever(monkeypatch: pytest.MonkeyPatch):
+    # Two threads in a row between two bones, of which one is left what the other is not let to: up to 5.4, later 8 %.
+    cloth = grid_cloth(np.linspace(0, 0.2, 3), np.linspace(0, 0.1, 2), Fabric())
+    ends = [attach(cloth, "left", [0, 3]), attach(cloth, "right", [2, 5])]
+    simulation = Simulation(Scene(cloth, ends, strain_limit=True))
+    taken: list[list[int]] = []
+    advance = Hanging.advance
+
+    def counted(cloth: Hanging, motion: Motion, duration: float, substeps: int) -> int:
+        taken[-1].append(substeps)
+        return advance(cloth, motion, duration, substeps)
+
+    monkeypatch.setattr(Hanging, "advance", counted)
+    little, more = 0.2 * (0.04 + 0.7 * LEFT), 0.2 * (0.04 + 2.0 * LEFT)
+    simulation.start({"left": (np.zeros(3), UNTURNED), "right": (np.zeros(3), UNTURNED)}, settle=0.0)
+    for by in [little] * (TUG + 5) + [more] * 2 + [0.0] * 2 + [little] * 2:
+        taken.append([])
+        simulation.step({"left": (np.zeros(3), UNTURNED), "right": (np.array([by, 0.0, 0.0]), UNTURNED)}, 1.0 / 60.0)
+    shortened = [max(steps) >= DRAWING * min(steps) for steps in taken]
+    assert shortened == [True] * TUG + [False] * 5 + [True] * 2 + [False] * 2 + [True] * 2

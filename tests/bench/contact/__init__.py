@@ -1,0 +1,1 @@
+"""How good contact is."""
