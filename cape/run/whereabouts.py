@@ -16,8 +16,8 @@ FloatArray = NDArray[np.float64]
 
 class Moment(NamedTuple):
     """The state at some time, and what was known then: how the cloth touches itself, which vertices two colliders
-    pinch, by how far threads have drawn them, if they are limited and for how many frames they have been too long all the
-    same, where it is, if it is strained."""
+    pinch, by how far threads have drawn them, if they are limited and for how many frames they have been too long
+    nevertheless, where it is, if it is strained."""
 
     state: tuple[NDArray[np.floating], ...]
     layers: self_contact.Kept | None
