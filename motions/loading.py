@@ -62,16 +62,9 @@ def load(
         UnknownNameError: no such unit, up axis or animation.
         ValueRangeError: a unit or height of 0 or less, or both given; a rate below 0.001 or above 1e6.
     """
-    if unit is not None and height is not None:
-        raise ValueRangeError("give either unit or height, not both")
-    if height is not None and not 1e-3 <= height <= 1e3:
-        raise ValueRangeError(f"height must be more than 0 m, not {height:g}")
+    require_ways(unit=unit, up=up, height=height, rate=rate)
     scale = None if unit is None else conventions.meters_per_unit(unit)
-    if up is not None:
-        conventions.to_z_up(up)
-    if rate is not None and not 1e-3 <= rate <= 1e6:
-        raise ValueRangeError(f"rate must be above 0 frames per second, not {rate:g}")
-    path = _find(path)
+    path = find_motion(path)
     recording = _read(path, rate, animation)
     joints, decisions = _unique(recording.joints)
     decisions += recording.remarks
@@ -122,6 +115,25 @@ def load(
     return replace(clip, roles=roles, skin=skin, morphs=recording.morphs)
 
 
+def require_ways(*, unit: str | float | None, up: str | None, height: float | None, rate: float | None) -> None:
+    """Check how a motion is to be read, as of `load`, before there is one.
+
+    Raises:
+        UnknownNameError: no such unit or up axis.
+        ValueRangeError: a unit or height of 0 or less, or both given; a rate below 0.001 or above 1e6.
+    """
+    if unit is not None and height is not None:
+        raise ValueRangeError("give either unit or height, not both")
+    if height is not None and not 1e-3 <= height <= 1e3:
+        raise ValueRangeError(f"height must be more than 0 m, not {height:g}")
+    if unit is not None:
+        conventions.meters_per_unit(unit)
+    if up is not None:
+        conventions.to_z_up(up)
+    if rate is not None and not 1e-3 <= rate <= 1e6:
+        raise ValueRangeError(f"rate must be above 0 frames per second, not {rate:g}")
+
+
 def _read(path: Path, rate: float | None, animation: str | None) -> Recording:
     """What a file holds, by its kind."""
     suffix = path.suffix.lower()
@@ -154,8 +166,12 @@ _OTHERS = {
 """What files are that people have motions in and that are not read, by their suffixes."""
 
 
-def _find(path: str | PathLike[str]) -> Path:
-    """The file that is meant: one that exists, or a shipped clip."""
+def find_motion(path: str | PathLike[str]) -> Path:
+    """The file that is meant: one that exists, or a shipped clip.
+
+    Raises:
+        FileError: there is neither, or it is of a kind that isn't read; names the clip that may be meant.
+    """
     found = Path(path)
     try:
         there = found.exists()

@@ -1,6 +1,7 @@
 """The command `cape`."""
 
 import errno
+import gc
 import os
 import signal
 import sys
@@ -19,6 +20,7 @@ def main() -> None:
 
     So is a standard output that can't take all that is printed, which the command has gone on without.
     """
+    gc.freeze()  # what was imported lives as long as the command, and need not be looked through again and again
     printed = guard()
     interrupted: list[int] = []
 

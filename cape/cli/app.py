@@ -91,7 +91,7 @@ def replay(
             tab=tab,
             output=output,
             hitboxes=hitboxes,
-            layers=_split(layers),
+            layers=split(layers),
             check=check,
             crossings=check or json if crossings is None else crossings,
             spawn=spawn,
@@ -436,5 +436,6 @@ def gallery(
     return run(output, garments=garment or [], fabrics=fabric or [], clips=clip or [], robot=robot)
 
 
-def _split(layers: str | None) -> list[str] | None:
+def split(layers: str | None) -> list[str] | None:
+    """Names that stand in one text, separated by commas."""
     return None if layers is None else [name.strip() for name in layers.split(",") if name.strip()]

@@ -1,6 +1,7 @@
 """From what the command line names to a character that moves: its bones, its hitboxes, its looks."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from cape.cli.reading import MOST_FPS, Reading
 from cape.kernels import store
@@ -117,6 +118,7 @@ def find_hitboxes(body: Skeleton, asked: str) -> Hitboxes:
     Raises:
         UserError: there is no such way to make them, or it doesn't suit the body.
     """
+    require_hitboxes(asked)
     if asked == BY_PROPORTIONS:
         return Hitboxes(body.name, body.capsules(), body.capsules_left_out())
     if asked in FITTED:
@@ -127,7 +129,18 @@ def find_hitboxes(body: Skeleton, asked: str) -> Hitboxes:
         which = "all" if asked == "all" else "limbs"
         place = store.folder()
         return hitboxes_of(body, which=which) if place is None else kept_hitboxes_of(body, place, which=which)
-    if asked.lower().endswith(".toml"):
-        return load_hitboxes(asked, body)
-    ways = ", ".join((*FITTED, BY_PROPORTIONS))
-    raise UserError(f"no way to make hitboxes named {asked!r}; available: {ways}, or a TOML file of them")
+    return load_hitboxes(asked, body)
+
+
+def require_hitboxes(asked: str) -> None:
+    """Check that there is such a way to make hitboxes, whomever they are for.
+
+    Raises:
+        UserError: there is none, or no such file.
+    """
+    if asked in (*FITTED, BY_PROPORTIONS):
+        return
+    if not asked.lower().endswith(".toml"):
+        ways = ", ".join((*FITTED, BY_PROPORTIONS))
+        raise UserError(f"no way to make hitboxes named {asked!r}; available: {ways}, or a TOML file of them")
+    require_file(Path(asked))

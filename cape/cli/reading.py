@@ -4,11 +4,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 import motions
 from motions.amass.reader import is_amass
 from motions.arrays import array_names
-from motions.errors import FileError, UserError, ValueRangeError
+from motions.bodies.roles import ROLES
+from motions.errors import FileError, UnknownNameError, UserError, ValueRangeError
+from motions.loading import require_ways
 from skeleton import RobotMotion, Skeleton, load_configurations
+from skeleton.known_robots import find_urdf
 from skeleton.robot.configurations import SUFFIXES
 
 MOST_FPS = 60.0  # where none is asked for
@@ -64,6 +69,24 @@ class Reading:
         if self.fps is not None and not 0.0 < self.fps <= 1000.0:
             raise ValueRangeError(f"fps must be above 0 and at most 1000, not {self.fps}")
         return self.fps
+
+    def check(self) -> None:
+        """Check what can be told wrong before a motion is read.
+
+        Raises:
+            UserError: a number is out of range, or a name is not known.
+        """
+        require_ways(unit=_unit(self.unit), up=self.up, height=self.height, rate=self.rate)
+        _ = self.frame_rate
+        start = 0.0 if self.start is None else self.start
+        if not 0.0 <= start <= (np.inf if self.end is None else self.end):
+            until = "" if self.end is None else f" to {self.end:g} s"
+            raise ValueRangeError(f"can't take a motion from {start:g} s{until}")
+        for role in self._roles or ():
+            if role not in ROLES:
+                raise UnknownNameError("role", role, ROLES)
+        if self.skeleton is not None:
+            find_urdf(self.skeleton, self.packages)
 
     def load_as_is(self) -> motions.Clip:
         """Read the clip, or play the script, all of it at its own frame rate.

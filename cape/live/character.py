@@ -23,6 +23,9 @@ class CharacterSource:
     """The bones of a character that passes from clip to clip as it is told.
 
     It begins to do so in the first frame after it was told.
+
+    Attributes:
+        skin: its mesh, None for none.
     """
 
     def __init__(self, clips: Sequence[Clip], body: Skeleton, start: str, *, once: Sequence[str] = ()) -> None:
@@ -39,6 +42,7 @@ class CharacterSource:
             UnknownNameError: there is no such clip.
         """
         self._graph = MotionGraph(clips)
+        self.skin = self._graph.mesh.skin
         self._clip, self._body = self._graph.source(start).clip, body
         self.walker = Walker(self._graph, start, once=once)
         self.walker.prepare()
@@ -47,6 +51,7 @@ class CharacterSource:
         self.parents = None if track.parents is None else tuple(int(p) for p in track.parents)
         self._told, self._left = "", 0.0
         self._before = self._after = self._next()
+        self._morphs = self._after[1]
         self._frame = 0  # of the graph's, that is `_after`
 
     def go(self, clip: str) -> None:
@@ -67,6 +72,11 @@ class CharacterSource:
         """Names of what it can do."""
         return tuple(clip.name for clip in self._graph.clips)
 
+    @property
+    def morphs(self) -> FloatArray:
+        """Weights of the M morphs of its mesh in the pose that was told last, shape (M,)."""
+        return self._morphs
+
     def pose(self, time: float) -> Pose:
         """Where the bones are at a time [s], between two frames of the clips where it is slower than they are."""
         place = time * self.walker.fps
@@ -75,18 +85,22 @@ class CharacterSource:
             self._before, self._after = self._after, self._next()
             self._frame += 1
         share = 1.0 - (self._frame - place)
+        (before, weights_before), (after, weights) = self._before, self._after
         if share >= 1.0 - 1e-6:
-            return self._after
-        return self._before.towards(self._after, share)
+            self._morphs = weights
+            return after
+        self._morphs = weights_before + share * (weights - weights_before)
+        return before.towards(after, share)
 
-    def _next(self) -> Pose:
+    def _next(self) -> tuple[Pose, FloatArray]:
+        """The next frame of the clips, and the weights of the mesh's morphs there."""
         told, self._told = self._told, ""
         if told:
             self.walker.go(told)
         turned = max(min(self._left, TURNING / self.walker.fps), -TURNING / self.walker.fps)
         self._left -= turned
         self.walker.turning = turned * self.walker.fps
-        rotations, local = self.walker.next()
+        rotations, local, morphs = self.walker.next()
         clip = replace(
             self._clip,
             root_positions=local[None, 0],
@@ -95,7 +109,7 @@ class CharacterSource:
             morphs=None,
         )
         track = self._body.track(clip)
-        return Pose(track.positions[0], track.rotations_wxyz[0])
+        return Pose(track.positions[0], track.rotations_wxyz[0]), morphs
 
 
 def _one_frame(clip: Clip) -> Clip:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.live.rig import Rig
+from cape.live.sources import Dressed
 from cape.measure.meter import Meter, Reading
 from cape.results.kept import Kept
 from cape.results.kept_contacts import KeptContacts
@@ -14,7 +15,7 @@ from cape.results.take import Take
 from cape.results.topology import Topology, all_vertices, most_split, padded, with_room
 from cape.run.simulation import Simulation
 from motions.skin import Skin
-from skeleton.track import BoneTrack
+from skeleton.track import BoneTrack, worn_by
 
 FloatArray = NDArray[np.float64]
 
@@ -33,10 +34,15 @@ class Keeper:
         """Keep nothing yet, of a rig that has been started, whose bones may move a skin."""
         self._rig, self._name, self._skin = rig, name, skin
         self.solve_s = 0.0
-        bones = len(rig.hands.source.names)
+        source = rig.hands.source
+        bones = len(source.names)
+        self._dressed = source if isinstance(source, Dressed) and skin is not None and source.skin is skin else None
         self._positions = Kept((rig.scene.cloth.vertices, 3), np.float32, in_memory=IN_MEMORY)
         self._poses = Kept((bones, 7), np.float64, in_memory=IN_MEMORY)
         self._readings = Kept((READINGS,), np.float64, in_memory=IN_MEMORY)
+        self._morphs: Kept | None = None
+        if self._dressed is not None and len(self._dressed.morphs):
+            self._morphs = Kept((len(self._dressed.morphs),), np.float64, in_memory=IN_MEMORY)
         self._contacts = KeptContacts(in_memory=IN_MEMORY)
         self._topologies: list[Topology] = []
         self._tears, self._most_tears = -1, 0
@@ -72,6 +78,8 @@ class Keeper:
         pose = self._rig.bones
         self._positions.add(padded(places, self._positions.shape[0])[None])
         self._poses.add(np.concatenate([pose.positions, pose.rotations_wxyz], axis=1)[None])
+        if self._dressed is not None and self._morphs is not None:
+            self._morphs.add(self._dressed.morphs[None])
         self._contacts.add(reading.contacts)
         row = self._rig.time, reading.stretch, reading.penetration, reading.collider, reading.kinetic_energy
         self._readings.add(np.array([row]))
@@ -82,12 +90,13 @@ class Keeper:
         readings, poses = self._readings.array()[:count], self._poses.array()[:count]
         source, scene = self._rig.hands.source, self._rig.scene
         parents = None if source.parents is None else np.array(source.parents)
+        worn = worn_by(source.names, self._skin, None if self._morphs is None else self._morphs.array()[:count])
         topologies = [t for t in self._topologies if t.frame < count]
         split = most_split(topologies)
         return Take(
             name=self._name,
             bones=BoneTrack(
-                source.names, readings[:, 0], poses[:, :, :3], poses[:, :, 3:], parents, source.roles, self._skin
+                source.names, readings[:, 0], poses[:, :, :3], poses[:, :, 3:], parents, source.roles, **worn
             ),
             colliders=tuple(scene.colliders),
             triangles=topologies[0].triangles,

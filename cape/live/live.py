@@ -20,7 +20,7 @@ from cape.live.pace.pacing import Pacer, Step
 from cape.live.pace.savings import Savings
 from cape.live.page.orders import obey
 from cape.live.rig import Rig
-from cape.live.sources import Source, Told, ToldSource, TrackSource
+from cape.live.sources import Dressed, Source, Told, ToldSource, TrackSource
 from cape.live.status import Status
 from cape.results.take import Take
 from cape.run.simulate import first_motion
@@ -101,7 +101,7 @@ class Live:
         self._builder, self._todo = Builder(), SimpleQueue[Callable[[], str | None]]()
         self.changes = Changes(self._rig, self._builder, self._do)
         self._viewing, self._bind, self._surfaces, self._keep = viewer, bind, tuple(surfaces), keep
-        self._skin = _skin_on(skin or (source.skin if isinstance(source, BoneTrack) else None), self._source)
+        self._skin = _skin_on(skin, self._source)
         self._on_frame, self._end_with_viewer = on_frame, end_with_viewer
         self._pacer = Pacer(1.0 / fps)
         self._over, self._awake = threading.Event(), threading.Event()
@@ -381,11 +381,13 @@ def source_of(source: "Source | BoneTrack | Told | None", scene: Scene) -> Sourc
 
 
 def _skin_on(skin: Skin | None, source: Source) -> Skin | None:
-    """A skin, if the bones that it hangs at are all there.
+    """A skin, if the bones that it hangs at are all there; the source's own, if any, for None.
 
     Raises:
         UnknownNameError: one is not.
     """
+    if skin is None and isinstance(source, Dressed):
+        skin = source.skin
     for bone in () if skin is None else skin.bones:
         if bone not in source.names:
             raise UnknownNameError("bone", bone, source.names, "The skin hangs at it")

@@ -8,8 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cape.scene.poses import Bones, Pose
 from motions import quaternions
-from motions.curves import step
+from motions.curves import between_rows, step
 from motions.errors import ValueRangeError
+from motions.skin import Skin
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
@@ -45,6 +46,21 @@ class Source(Protocol):
         ...
 
 
+@runtime_checkable
+class Dressed(Protocol):
+    """A source that also tells what its character looks like."""
+
+    @property
+    def skin(self) -> Skin | None:
+        """Its mesh; None for none."""
+        ...
+
+    @property
+    def morphs(self) -> FloatArray:
+        """Weights of the mesh's M morphs in the pose that was told last, shape (M,)."""
+        ...
+
+
 class TrackSource:
     """A motion, played over and over.
 
@@ -53,13 +69,15 @@ class TrackSource:
 
     Attributes:
         track: the motion.
+        skin: the mesh that it carries; None for none.
+        morphs: weights of the mesh's M morphs in the pose that was told last, shape (M,).
     """
 
     def __init__(self, track: BoneTrack) -> None:
         """Play a track."""
         self.names, self.roles = track.names, track.roles
         self.parents = None if track.parents is None else tuple(int(p) for p in track.parents)
-        self.track = track
+        self.track, self.skin = track, track.skin
         self._begin, length = float(track.times[0]), float(track.times[-1] - track.times[0])
         pelvis = track.roles.get("pelvis")
         self._root = track.names.index(pelvis) if pelvis in track.names else None
@@ -68,12 +86,15 @@ class TrackSource:
         self._round, self._turn, self._shift = 0, UNTURNED, np.zeros(3)
         self._step = (UNTURNED, np.zeros(3)) if self._root is None else self._way(self._root)
         self._before = self._turn, self._shift
+        self.morphs = self._morphs_at(0.0)
 
     def pose(self, time: float) -> Pose:
         """Where all bones are at a time [s]."""
         rounds, into = divmod(time, self._length) if self._length > 0.0 else (0.0, 0.0)
         if self._root is None:
-            return self._at(self._length - into if rounds % 2 else into)
+            into = self._length - into if rounds % 2 else into
+            self.morphs = self._morphs_at(into)
+            return self._at(into)
         while self._round < rounds:
             turn, shift = self._step
             self._before = self._turn, self._shift
@@ -81,11 +102,18 @@ class TrackSource:
             self._turn = quaternions.normalize(quaternions.multiply(self._turn, turn))
             self._round += 1
         now = self._at(into).turned(self._turn).moved(self._shift)
+        self.morphs = self._morphs_at(into)
         if self._round == 0 or into >= self._fade:
             return now
-        turn, shift = self._before
-        before = self._at(self._length + into).turned(turn).moved(shift)
-        return before.towards(now, float(step(np.array(into), 0.0, self._fade)))
+        (turn, shift), ended = self._before, self._length + into
+        before, share = self._at(ended).turned(turn).moved(shift), float(step(np.array(into), 0.0, self._fade))
+        self.morphs = (1.0 - share) * self._morphs_at(ended) + share * self.morphs
+        return before.towards(now, share)
+
+    def _morphs_at(self, time: float) -> FloatArray:
+        if self.track.morphs is None:
+            return np.zeros(0 if self.skin is None else self.skin.morphs)
+        return between_rows(self.track.times, self.track.morphs, self._begin + time)
 
     def _at(self, time: float) -> Pose:
         return Pose(*self.track.sample(self._begin + time))

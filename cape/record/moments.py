@@ -29,7 +29,7 @@ from cape.scene.floor import floor_under
 from motions import quaternions
 from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
-from skeleton.track import BoneTrack
+from skeleton.track import BoneTrack, worn_by
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -73,10 +73,16 @@ class Shown:
     tears: int = 0
     skin: Skin | None = None
 
-    def track(self, time: float, positions: FloatArray, rotations_wxyz: FloatArray) -> BoneTrack:
-        """The bones at a time [s], as a motion of one frame: origins [m] (B, 3), quaternions bone_to_world (B, 4)."""
+    def track(
+        self, time: float, positions: FloatArray, rotations_wxyz: FloatArray, morphs: FloatArray | None = None
+    ) -> BoneTrack:
+        """The bones at a time [s], as a motion of one frame: origins [m] (B, 3), quaternions bone_to_world (B, 4), and
+        the weights of the skin's morphs (M,), None for 0."""
         parents = None if self.parents is None else np.array(self.parents)
-        return BoneTrack(self.bones, np.array([time]), positions[None], rotations_wxyz[None], parents, self.roles)
+        worn = worn_by(self.bones, self.skin, None if morphs is None or not len(morphs) else morphs[None])
+        return BoneTrack(
+            self.bones, np.array([time]), positions[None], rotations_wxyz[None], parents, self.roles, **worn
+        )
 
     def take(self, bones: BoneTrack, positions: NDArray[np.float32]) -> Take:
         """The cloth on a motion of one frame; vertices in the world [m], shape (V, 3)."""

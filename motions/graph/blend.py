@@ -37,6 +37,7 @@ class Blends:
         local_positions: in the parent's frame, the root's in the first clip's world [m], shape (M, T, J, 3).
         haste: largest ratio of a speed to its limit in the two clips between each two frames, shape (M, T - 1).
         slides: how far that joint of a foot slides over the ground which does so most [m], shape (M,).
+        morphs: weights of the mesh's n morphs, shape (M, T, n).
     """
 
     turns: FloatArray
@@ -45,6 +46,7 @@ class Blends:
     local_positions: FloatArray
     haste: FloatArray
     slides: FloatArray
+    morphs: FloatArray
 
     def extra_frames(self) -> IntArray:
         """How many frames more each blend of N has to take so that no joint is too fast, shape (M,).
@@ -96,6 +98,7 @@ def blend_windows(
     weights = step(s, 0.0, frames)[:, None]
     turns = quaternions.from_rotation_vector(headings[:, None] * np.array([0.0, 0.0, 1.0]))
 
+    morphs = (1 - weights) * a.morphs_at(leave[:, None] + s) + weights * b.morphs_at(enter[:, None] + s)
     rotations_a, local_a, points_a = a.at(leave[:, None] + s)
     rotations_b, local_b, points_b = b.at(enter[:, None] + s)
     rotations_b[:, :, 0] = quaternions.multiply(turns[:, None], rotations_b[:, :, 0])
@@ -137,6 +140,7 @@ def blend_windows(
         local,
         haste=haste,
         slides=slides.sum(axis=1).max(axis=1, initial=0.0),
+        morphs=np.concatenate([morphs] * ways),
     )
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from motions import quaternions
 from motions.bodies.roles import SIDES, find_roles
 from motions.clip import Clip
+from motions.curves import between_rows
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -27,9 +28,11 @@ class Source:
 
     Attributes:
         clip: the clip.
+        morphs: weights of the M morphs of the mesh that it has in common with others, shape (F, M).
     """
 
     clip: Clip
+    morphs: FloatArray
 
     @property
     def third(self) -> int:
@@ -104,6 +107,10 @@ class Source:
         share = (frames - before)[..., None, None]
         points = (1 - share) * self.points[before] + share * self.points[before + 1]
         return poses.rotations_wxyz.reshape(*frames.shape, -1, 4), local.reshape(*frames.shape, -1, 3), points
+
+    def morphs_at(self, frames: FloatArray) -> FloatArray:
+        """Weights of the morphs at frames and between them, counted from 0, shape (...) to (..., M)."""
+        return between_rows(np.arange(len(self.morphs), dtype=float), self.morphs, frames)
 
     def _at_whole(self, frames: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         clip = self.clip

@@ -13,6 +13,7 @@ from motions.errors import UnknownNameError, UserError, ValueRangeError
 from motions.graph.alignment import window_distances
 from motions.graph.blend import SUPPORTS, Blends, blend_windows
 from motions.graph.blend_source import Source
+from motions.graph.one_mesh import one_mesh
 from motions.graph.one_skeleton import check_one_skeleton
 from motions.graph.script import Step, parse_script
 from motions.graph.splice import Splice
@@ -128,6 +129,10 @@ class MotionGraph:
 
     L. Kovar, M. Gleicher and F. Pighin, "Motion Graphs", ACM Trans. Graph. 21 (2002), section 3. A blend is drawn out
     where a joint would otherwise be faster in it than anywhere in its two clips.
+
+    Attributes:
+        fps: frames per second.
+        mesh: that the clips have in common, with the morphs that any of them moves.
     """
 
     def __init__(
@@ -167,7 +172,9 @@ class MotionGraph:
         if blend > longest:
             raise ValueRangeError(f"the longest blend, {longest:g} s, is shorter than the shortest, {blend:g} s")
         self._shortest, self._longest, self._search = (max(round(t * self.fps), 1) for t in (blend, longest, search))
-        self._sources = {c.name: Source(c if c.fps == self.fps else c.resample(self.fps)) for c in clips}
+        clips = [c if c.fps == self.fps else c.resample(self.fps) for c in clips]
+        self.mesh = one_mesh(clips)
+        self._sources = {c.name: Source(c, weights) for c, weights in zip(clips, self.mesh.weights, strict=True)}
         for name, source in self._sources.items():
             if source.third < self._shortest:
                 least = 3 * self._shortest / self.fps
@@ -394,13 +401,21 @@ class MotionGraph:
             for name in dict.fromkeys(step.clip for step in steps)
             for decision in self._sources[name].clip.decisions
         ]
+        here = [clip.name for clip, own in zip(self.clips, self.mesh.own, strict=True) if own]
+        dressed = first.name in here
+        told += [
+            f"{name}: its morph targets stay as the file states them, as its mesh is not that of {(here or [''])[0]}"
+            for name in dict.fromkeys(step.clip for step in steps)
+            if name in self.mesh.lost
+        ]
         return replace(
             first,
             name="-".join([*names[:MOST_NAMED], *([f"and-{more}-more"] if more > 0 else [])]),
             root_positions=local_positions[:, 0],
             rotations_wxyz=rotations,
             local_positions=local_positions if moving else None,
-            morphs=None,
+            skin=self.mesh.skin if dressed else first.skin,
+            morphs=splice.morphs() if dressed and self.mesh.weights[0].shape[1] else None,
             decisions=(*told, *decisions),
         )
 

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Sequence
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 from motions import quaternions
 from motions.curves import step
 from motions.graph.alignment import window_distances
-from motions.graph.blend import SUPPORTS, blend_windows
+from motions.graph.blend import SUPPORTS, Blends, blend_windows
+from motions.graph.blend_source import Source
 from motions.graph.motion_graph import MotionGraph
 
 FloatArray = NDArray[np.float64]
@@ -19,8 +21,20 @@ IntArray = NDArray[np.int64]
 BLEND = 0.3  # [s] in which the character passes over, or longer where joints would be too fast
 HURRY = 0.2  # [s] in which it does from within a passage, whose end it does not wait for
 EARLY = 0.25  # [s] from the start of a clip that is played once within which it is entered
-Frame = tuple[FloatArray, FloatArray]
-"""Unit quaternions joint_to_parent wxyz (J, 4), and positions in the parent's frame [m], the root's in the world."""
+
+
+class Frame(NamedTuple):
+    """A pose of J joints.
+
+    Attributes:
+        rotations: unit quaternions joint_to_parent wxyz, shape (J, 4).
+        local: positions in the parent's frame, the root's in the world [m], shape (J, 3).
+        morphs: weights of the mesh's M morphs, shape (M,).
+    """
+
+    rotations: FloatArray
+    local: FloatArray
+    morphs: FloatArray
 
 
 class Walker:
@@ -83,11 +97,9 @@ class Walker:
         """The next frame, in the world."""
         if not self._coming:
             self._arrive()
-        rotations, local = (each.copy() for each in self._coming.popleft())
-        rotations[0] = quaternions.multiply(self._turn, rotations[0])
-        local[0] = quaternions.rotate(self._turn, local[0]) + self._shift
-        self._steer(local[0])
-        return rotations, local
+        frame = _moved(self._coming.popleft(), self._turn, self._shift)
+        self._steer(frame.local[0])
+        return frame
 
     def _arrive(self) -> None:
         """Have at least one frame to come: of the clip that is played, or of the passage that follows on it."""
@@ -104,7 +116,7 @@ class Walker:
         else:
             loop = self._graph.loop(self.clip)
             if self._at > loop.at.leave:
-                self._coming.extend(_frames_of(loop.blends.rotations_wxyz[0], loop.blends.local_positions[0]))
+                self._coming.extend(_frames_of(loop.blends))
                 self._after = loop.blends.turns[0], loop.blends.shifts[0]
                 self._at = loop.at.enter + loop.at.frames
                 return
@@ -126,7 +138,7 @@ class Walker:
         support = int(np.lexsort((tried.slides, tried.extra_frames()))[0])
         extra = int(min(tried.extra_frames()[support], 2 * frames))
         blends = blend_windows(source, target, *at, np.array([SUPPORTS[support]]), frames, extra=extra)
-        self._coming.extend(_frames_of(blends.rotations_wxyz[0], blends.local_positions[0]))
+        self._coming.extend(_frames_of(blends))
         self._after = blends.turns[0], blends.shifts[0]
         self._enter(name, enter + frames)
 
@@ -139,20 +151,21 @@ class Walker:
             old.append(_moved(self._still(self._at + k), turn, shift))
         old = old[:frames]
         enters, headings = self._entries(self.clip, name)
-        here = min(self._at, len(enters) - 1)
-        enter = int(enters[here])
+        at = min(self._at, len(enters) - 1)
+        enter = int(enters[at])
         source = self._graph.source(name)
         last = source.clip.frames - 1
-        about = quaternions.from_rotation_vector(np.array([0.0, 0.0, float(headings[here])]))
+        about = quaternions.from_rotation_vector(np.array([0.0, 0.0, float(headings[at])]))
         turn = quaternions.normalize(quaternions.multiply(turn, about))
-        first = _clip_frame(source.at, min(enter, last))
-        shift = (old[0][1][0] - quaternions.rotate(turn, first[1][0])) * np.array([1.0, 1.0, 0.0])
+        first = _clip_frame(source, min(enter, last))
+        shift = (old[0].local[0] - quaternions.rotate(turn, first.local[0])) * np.array([1.0, 1.0, 0.0])
         self._coming.clear()
         weights = step(np.arange(1, len(old) + 1), 0.0, len(old) + 1)
-        for k, ((rotations, local), weight) in enumerate(zip(old, weights, strict=True), 1):
-            new_rotations, new_local = _moved(_clip_frame(source.at, min(enter + k, last)), turn, shift)
-            mixed = quaternions.slerp(rotations, new_rotations, np.full(len(rotations), weight))
-            self._coming.append((mixed, local + weight * (new_local - local)))
+        for k, (here, weight) in enumerate(zip(old, weights, strict=True), 1):
+            new = _moved(_clip_frame(source, min(enter + k, last)), turn, shift)
+            mixed = quaternions.slerp(here.rotations, new.rotations, np.full(len(new.rotations), weight))
+            local, morphs = (a + weight * (b - a) for a, b in zip(here[1:], new[1:], strict=True))
+            self._coming.append(Frame(mixed, local, morphs))
         self._after = turn, shift
         self._enter(name, min(enter + len(old) + 1, last))
 
@@ -160,7 +173,7 @@ class Walker:
         self.clip, self._source, self._at = name, self._graph.source(name), at
 
     def _still(self, at: int) -> Frame:
-        return _clip_frame(self._source.at, min(at, self._source.clip.frames - 1))
+        return _clip_frame(self._source, min(at, self._source.clip.frames - 1))
 
     def _steer(self, root: FloatArray) -> None:
         """Turn all that follows about where the root is."""
@@ -190,18 +203,20 @@ def _entries(
     return enters, headings[np.arange(len(enters)), enters]
 
 
-def _clip_frame(at, frame: int) -> Frame:
-    rotations, local, _ = at(np.array([[frame]], dtype=float))
-    return rotations[0, 0], local[0, 0]
+def _clip_frame(source: Source, frame: int) -> Frame:
+    at = np.array([[frame]], dtype=float)
+    rotations, local, _ = source.at(at)
+    return Frame(rotations[0, 0], local[0, 0], source.morphs_at(at)[0, 0])
 
 
-def _frames_of(rotations: FloatArray, local: FloatArray) -> list[Frame]:
-    """What lies between the ends of a blend: these are of its two clips."""
-    return [(rotations[k], local[k]) for k in range(1, len(rotations) - 1)]
+def _frames_of(blends: Blends) -> list[Frame]:
+    """What lies between the ends of a single blend: these are of its two clips."""
+    every = zip(blends.rotations_wxyz[0], blends.local_positions[0], blends.morphs[0], strict=True)
+    return [Frame(*each) for each in every][1:-1]
 
 
 def _moved(frame: Frame, turn: FloatArray, shift: FloatArray) -> Frame:
-    rotations, local = (each.copy() for each in frame)
+    rotations, local = frame.rotations.copy(), frame.local.copy()
     rotations[0] = quaternions.multiply(turn, rotations[0])
     local[0] = quaternions.rotate(turn, local[0]) + shift
-    return rotations, local
+    return Frame(rotations, local, frame.morphs)

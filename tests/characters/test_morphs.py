@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,9 @@ import rerun as rr
 
 import motions
 from cape import record
-from cape.live.character import CharacterSource
 from motions.conventions import to_z_up
 from motions.errors import FileError
-from motions.skin import Skin, SkinPiece
+from motions.skin import SkinPiece
 from skeleton import Skeleton
 from tests.characters.builder import Glb
 from tests.characters.test_reading import drawn
@@ -253,18 +251,3 @@ def test_damage_ends_in_a_line(tmp_path, how: dict[str, Any], told: str):
     asked: dict[str, Any] = {"weights": (KEYS, by_steps(KEYS), "LINEAR")} | how
     with pytest.raises(FileError, match=told):
         motions.load(face(tmp_path / "a.glb", **asked))
-
-
-def test_clips_that_are_joined_or_steered_keep_to_the_stated_shape():
-    walk = motions.load("walk").trim(0.0, 1.5)
-    piece = SkinPiece(
-        "Face", REST, None, TRIANGLES, np.zeros((4, 1), int), np.ones((4, 1)), targets=MOVES, target_morphs=np.arange(3)
-    )
-    skin = Skin((walk.joints[0],), np.eye(3, 4)[None], (piece,))
-    clip = replace(walk, skin=skin, morphs=np.ones((walk.frames, 3)))
-    joined = motions.MotionGraph([clip]).play("walk 0.5s, walk 0.5s")
-    assert joined.skin is skin
-    assert joined.morphs is None
-    body = Skeleton.from_clip(clip)
-    assert body.track(joined).skin is skin
-    assert CharacterSource([clip], body, "walk").pose(0.1).positions.shape == (len(body.bones), 3)

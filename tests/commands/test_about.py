@@ -23,6 +23,13 @@ def test_the_version_is_the_packages(forks, tmp_path):
     assert cape.__version__ == importlib.metadata.version("cape")
 
 
+def test_what_is_imported_is_no_garbage_to_be_looked_for():
+    told = "atexit.register(lambda: print(gc.get_freeze_count() > 10_000))"
+    code = f"import atexit, gc, sys; {told}; sys.argv[1:] = ['--version']; from cape.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "True"
+
+
 def test_the_command_is_a_module_as_well():
     done = subprocess.run([sys.executable, "-m", "cape", "--version"], capture_output=True, text=True, check=True)
     assert done.stdout == f"cape {cape.__version__}\n"

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
 from cape.exports.moving_mesh import moving_mesh
 from cape.exports.skinned import glb
+from cape.exports.skinned.blending import blend
 from cape.exports.skinned.fit import fit
 from cape.exports.skinned.joints import Joints, spread
 from motions import quaternions
@@ -72,6 +74,34 @@ def test_two_rigid_halves_are_told_apart():
     assert np.abs(skin.positions() - positions).max() < 0.02 * moved
     own = np.take_along_axis(skin.influences, skin.weights.argmax(axis=1)[:, None], axis=1)[:, 0]
     assert np.array_equal(own, half)
+
+
+@pytest.mark.parametrize("most", [8, 4, 1])
+def test_weights_are_those_of_least_squares_one_by_one(most: int):
+    """scipy's, a point at a time, with a large weight on the sum's being one."""
+    rng = np.random.default_rng(6)
+    errors = rng.normal(size=(60, 8, 30)) * rng.uniform(0.01, 1.0, size=(60, 8, 1)) + 0.3 * rng.normal(size=(60, 1, 30))
+    found = blend(errors @ errors.transpose(0, 2, 1), most)
+    counts = []
+    for point, weights in zip(errors, found, strict=True):
+        matrix, wanted = np.vstack([point.T, np.full(8, 1e4)]), np.append(np.zeros(30), 1e4)
+        expected = nnls(matrix, wanted)[0]
+        counts.append(np.count_nonzero(expected))
+        if counts[-1] > most:
+            best = np.argsort(-expected)[:most]
+            expected = np.zeros(8)
+            expected[best] = nnls(matrix[:, best], wanted)[0]
+        np.testing.assert_allclose(weights, expected / expected.sum(), atol=1e-6)
+    assert max(counts) > 5 > 3 > min(counts)
+
+
+def test_guesses_that_are_the_same_or_exact_blend():
+    """All of which are right: any weights of sum one will do; or of which one is, which then is all."""
+    same = blend(np.zeros((1, 8, 8)), 4)
+    assert (same.sum(), (same >= 0.0).all(), np.count_nonzero(same) <= 4) == (1.0, True, True)
+    errors = np.random.default_rng(7).normal(size=(1, 5, 9))
+    errors[0, 3] = 0.0
+    np.testing.assert_allclose(blend(errors @ errors.transpose(0, 2, 1), 4)[0], [0, 0, 0, 1, 0], atol=1e-9)
 
 
 def test_chains_go_from_where_a_cloth_is_held_to_its_hem():

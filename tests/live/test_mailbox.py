@@ -10,7 +10,7 @@ import numpy as np
 from cape.live.feed.mailbox import SLOTS, LiveFrame, Mailbox
 from tests.support.processes import python
 
-VERTICES, BONES = 50, 3
+VERTICES, BONES, MORPHS = 50, 3, 5
 
 
 def frame(number: int, vertices: int = VERTICES) -> LiveFrame:
@@ -22,11 +22,12 @@ def frame(number: int, vertices: int = VERTICES) -> LiveFrame:
         np.full((vertices, 3), number, np.float32),
         np.full((BONES, 3), number, float),
         np.full((BONES, 4), number, float),
+        np.full(MORPHS, number, float),
     )
 
 
 def test_the_newest_frame_is_taken_and_only_once(tmp_path: Path):
-    box = Mailbox.create(tmp_path / "frames", VERTICES, BONES)
+    box = Mailbox.create(tmp_path / "frames", VERTICES, BONES, MORPHS)
     other = Mailbox.open(tmp_path / "frames")
     assert other.take() is None
     for number in range(10):
@@ -42,7 +43,7 @@ def test_the_newest_frame_is_taken_and_only_once(tmp_path: Path):
 
 
 def test_a_frame_of_fewer_vertices_keeps_its_size(tmp_path: Path):
-    box = Mailbox.create(tmp_path / "frames", VERTICES, BONES)
+    box = Mailbox.create(tmp_path / "frames", VERTICES, BONES, MORPHS)
     box.put(frame(1, vertices=20))
     taken = box.take()
     assert taken is not None
@@ -51,7 +52,7 @@ def test_a_frame_of_fewer_vertices_keeps_its_size(tmp_path: Path):
 
 def test_a_frame_that_is_being_written_is_not_taken(tmp_path: Path):
     """As where the writer has come round to a frame while it was copied: its number is then another one."""
-    box = Mailbox.create(tmp_path / "frames", VERTICES, BONES)
+    box = Mailbox.create(tmp_path / "frames", VERTICES, BONES, MORPHS)
     box.put(frame(1))
     start = box._start(1)
     reader = Mailbox.open(tmp_path / "frames")
@@ -94,7 +95,7 @@ def test_frames_taken_by_another_process_are_whole(tmp_path: Path):
     )
     import subprocess
 
-    box = Mailbox.create(tmp_path / "frames", VERTICES, BONES)
+    box = Mailbox.create(tmp_path / "frames", VERTICES, BONES, MORPHS)
     process = subprocess.Popen(
         [sys.executable, "-c", script, str(tmp_path / "frames")],
         cwd=Path(__file__).parents[2],
@@ -110,7 +111,7 @@ def test_frames_taken_by_another_process_are_whole(tmp_path: Path):
 
 
 def test_memory_is_that_of_a_few_frames(tmp_path: Path):
-    box = Mailbox.create(tmp_path / "frames", VERTICES, BONES)
+    box = Mailbox.create(tmp_path / "frames", VERTICES, BONES, MORPHS)
     size = (tmp_path / "frames").stat().st_size
     for number in range(5 * SLOTS):
         box.put(frame(number))

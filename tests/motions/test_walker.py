@@ -24,7 +24,7 @@ def walk(frames: int, orders: dict[int, str], turning: float = 0.0) -> tuple[NDA
     for frame in range(frames):
         if frame in orders:
             walker.go(orders[frame])
-        rotations, local = walker.next()
+        rotations, local, _ = walker.next()
         joints, to_world = forward_kinematics(CLIPS[0].parents, local[None], rotations[None])
         places.append(joints[0])
         turns.append(to_world[0, 0])

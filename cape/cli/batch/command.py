@@ -27,6 +27,7 @@ from cape.solvers.threads import GRANTED, available_cores
 from cape.version import VERSION
 from motions.errors import FileError, UnknownNameError, UserError
 from motions.files import printable, remove_left, require_file
+from motions.loading import find_motion
 
 Done = TypeVar("Done")
 BETWEEN_PAGES = 30.0  # [s] after which the page is written anew
@@ -106,12 +107,14 @@ def _planned(clips: Sequence[str], asked: Asked) -> list[Task]:
     arguments = [(*asked.arguments, *passing.swept_arguments(each)) for each in combined]
     files = {name for each in arguments for name in passing.files_named(each)}
     found = plan.clips_of(clips)
+    for clip in found:
+        find_motion(clip)
+    shared = {name: plan.digest(Path(name)) for name in sorted(files)}
     try:
         asked.output.mkdir(exist_ok=True)
     except OSError as error:
         raise FileError(f"can't make the folder {asked.output}: {error.strerror}") from error
     require_folder(asked.output)
-    shared = {name: plan.digest(Path(name)) for name in sorted(files)}
     return [
         Task(
             name=name,

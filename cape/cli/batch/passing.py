@@ -1,7 +1,6 @@
 """Options of `cape replay` that are handed on to it as its arguments: those of the command line, and of a sweep."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -100,16 +99,22 @@ def files_named(arguments: Sequence[str]) -> list[str]:
         UserError: a name or a number is wrong.
         typer.TyperException: an option can't be read.
     """
-    from cape.cli.app import app
-    from cape.cli.options import cut
+    from cape.cli.app import app, split
+    from cape.cli.character import require_hitboxes
+    from cape.cli.commands.replay import checked_cut
+    from cape.cli.options import cut, motion
 
     command = typer.main.get_command(app).commands["replay"]  # pyright: ignore[reportAttributeAccessIssue]
     with command.make_context("cape batch", ["walk", *arguments]) as context:
         params = without_rivals(context, context.params)
         scene = params[SCENE]
+        reading = motion(**{key.parameter: params[key.parameter] for key in keys_of(motion).values()})
         asked = cut(**{key.parameter: params[key.parameter] for key in keys_of(cut).values()})
         with telling(context, scene):
-            replace(asked, tables=scene.tables if isinstance(scene, SceneFile) else asked.tables).check()
+            reading.check()
+            if params["hitboxes"] is not None:
+                require_hitboxes(params["hitboxes"])
+            checked_cut(asked, scene=scene, layers=split(params["layers"]), tab=params["tab"])
     known = replay_keys().values()
     values = [params[key.parameter] for key in known if key.kind is Path or key.file is not None]
     named = [each for value in values for each in (value if isinstance(value, (list, tuple)) else [value])]

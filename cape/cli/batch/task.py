@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -103,19 +104,28 @@ def run_cape(
             stderr=errors,
             start_new_session=True,  # Ctrl-C is for the batch, which ends them all
         )
+        ended, killed = threading.Event(), threading.Event()
+
+        def watch() -> None:
+            while not (stopping := stopped()) and not ended.wait(LOOK):
+                pass
+            if stopping and process.poll() is None:
+                killed.set()
+                process.kill()
+
+        watcher = threading.Thread(target=watch, name="cape-watch")
+        watcher.start()
         try:
-            while process.poll() is None and not stopped():
-                try:
-                    process.wait(LOOK)
-                except subprocess.TimeoutExpired:
-                    continue
+            # Without a time limit, since Python waits with one by looking ever so often.
+            status = process.wait()
         finally:
-            status = process.poll()
-            if status is None:
+            ended.set()
+            watcher.join()
+            if process.returncode is None:
                 process.kill()
                 process.wait()
         printed.seek(0)
-        return status, printed.read().decode(errors="replace")
+        return None if killed.is_set() else status, printed.read().decode(errors="replace")
 
 
 def last_line(said: Path) -> str:

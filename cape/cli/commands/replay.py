@@ -242,6 +242,21 @@ def run(
     return 130 if take.result.startswith("stopped") else 0
 
 
+def checked_cut(cut: Cut, *, scene: SceneFile | NamedScene | None, layers: list[str] | None, tab: str) -> Cut:
+    """Check what is asked for besides the motion; gives the cut with what a scene file adds to it.
+
+    Raises:
+        UserError: something is out of range, or a name is not known.
+    """
+    if isinstance(scene, SceneFile):
+        cut = replace(cut, tables=scene.tables)
+    cut.check()
+    check_layers(layers, LAYERS)
+    if tab not in TABS:
+        raise UnknownNameError("tab", tab, TABS)
+    return cut
+
+
 def prepared(
     reading: Reading,
     cut: Cut,
@@ -259,12 +274,7 @@ def prepared(
     """
     file = scene if isinstance(scene, SceneFile) else None
     named = scene if isinstance(scene, NamedScene) else None
-    if file is not None:
-        cut = replace(cut, tables=file.tables)
-    cut.check()
-    check_layers(layers, LAYERS)
-    if tab not in TABS:
-        raise UnknownNameError("tab", tab, TABS)
+    cut = checked_cut(cut, scene=scene, layers=layers, tab=tab)
     inputs = (*reading.files, *cut.mesh.files, hitboxes, None if file is None else file.path)
     if output is not None:
         output_path(output, "", inputs=inputs)

@@ -3,6 +3,9 @@
 After Le and Deng, "Smooth skinning decomposition with rigid bones" (ACM Transactions on Graphics 31, 6, 2012): in turn
 the weights are fitted to the joints' motions, vertex by vertex, and each joint's motion to what the others leave of
 it, frame by frame, a weighted absolute orientation. Joints stay where they were spread out.
+
+Here a *path* is where a vertex is in all frames, one row of 3F numbers, and a joint's motion four such rows: what
+becomes of its axes, and its place. A vertex that follows it takes the path of (x, y, z, 1) times these.
 """
 
 from dataclasses import dataclass
@@ -10,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.exports.skinned.blending import blend
 from cape.exports.skinned.joints import Joints
 
 FloatArray = NDArray[np.float64]
@@ -17,7 +21,6 @@ INFLUENCES = 4  # joints that a vertex follows: what engines take at once
 CANDIDATES = 8  # the nearest joints, out of which those are chosen
 ROUNDS = 6  # of weights and motions in turn; further ones gain less than 2 % each
 SAMPLES = 120  # frames to which the weights are fitted
-ONE = 1e3  # weight of the sum of a vertex's weights being one, beside its place
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +45,11 @@ class Skin:
 
     def positions(self) -> FloatArray:
         """Where the skin puts the vertices [m], shape (F, V, 3)."""
-        found = np.zeros((len(self.places), *self.rest.shape))
-        for slot in range(INFLUENCES):
-            joint = self.influences[:, slot]
-            local = self.rest - self.centers[joint]
-            turned = np.einsum("fvij,vj->fvi", self.rotations[:, joint], local) + self.places[:, joint]
-            found += self.weights[:, slot, None] * turned
-        return found
+        found = np.zeros((len(self.rest), 3 * len(self.places)))
+        for k, motion in enumerate(_as_rows(self.rotations, self.places)):
+            own, slot = np.nonzero((self.influences == k) & (self.weights > 0.0))
+            found[own] += self.weights[own, slot, None] * (_local(self.rest[own], self.centers[k]) @ motion)
+        return np.ascontiguousarray(found.reshape(len(self.rest), -1, 3).transpose(1, 0, 2))
 
 
 def fit(positions: FloatArray, joints: Joints) -> Skin:
@@ -66,61 +67,65 @@ def fit(positions: FloatArray, joints: Joints) -> Skin:
     weights = np.zeros((vertices, count))
     closeness = 1.0 / (np.square(near[:, :INFLUENCES]) + 1e-4)
     np.put_along_axis(weights, nearest[:, :INFLUENCES], closeness / closeness.sum(axis=1, keepdims=True), axis=1)
-    rotations = np.tile(np.eye(3), (frames, count, 1, 1))
-    places = positions[:, joints.vertices].copy()
+    paths = _paths(positions)
+    motions = _as_rows(np.tile(np.eye(3), (frames, count, 1, 1)), positions[:, joints.vertices])
     sampled = np.unique(np.linspace(0, frames - 1, min(frames, SAMPLES)).astype(int))
+    columns = (3 * sampled[:, None] + np.arange(3)).ravel()
+    some, moved = paths[:, columns], motions[:, :, columns]
     for _ in range(ROUNDS):
-        rotations[sampled], places[sampled] = _motions(
-            positions[sampled], rest, centers, weights, rotations[sampled], places[sampled]
-        )
-        weights = _weights(positions[sampled], rest, centers, nearest, rotations[sampled], places[sampled])
+        _fit_motions(moved, some, rest, centers, weights)
+        weights = _weights(some, rest, centers, nearest, moved)
+    motions[:, :, columns] = moved
     for _ in range(2):
-        rotations, places = _motions(positions, rest, centers, weights, rotations, places)
+        _fit_motions(motions, paths, rest, centers, weights)
     influences = np.argsort(-weights, axis=1, kind="stable")[:, :INFLUENCES]
     if count < INFLUENCES:
         influences = np.pad(influences, ((0, 0), (0, INFLUENCES - count)))
     kept = np.take_along_axis(weights, influences, axis=1)
     kept[:, count:] = 0.0
+    rows = motions.reshape(count, 4, frames, 3)
+    rotations, places = rows[:, :3].transpose(2, 0, 3, 1), rows[:, 3].transpose(1, 0, 2)
     return Skin(rest, centers, influences, kept / kept.sum(axis=1, keepdims=True), rotations, places)
 
 
-def _motions(
-    positions: FloatArray,
-    rest: FloatArray,
-    centers: FloatArray,
-    weights: FloatArray,
-    rotations: FloatArray,
-    places: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Each joint's motion in turn, given the others'."""
-    rotations, places = rotations.copy(), places.copy()
-    moved = [np.flatnonzero(weights[:, k]) for k in range(weights.shape[1])]
-    residual = positions.copy()
-    parts = []
-    for k, own in enumerate(moved):
-        part = weights[own, k, None] * _turned(rest[own] - centers[k], rotations[:, k], places[:, k])
-        residual[:, own] -= part
-        parts.append(part)
+def _paths(positions: FloatArray) -> FloatArray:
+    """The vertices' paths, shape (V, 3F)."""
+    return positions.transpose(1, 0, 2).reshape(positions.shape[1], -1)
+
+
+def _as_rows(rotations: FloatArray, places: FloatArray) -> FloatArray:
+    """Rotations (F, K, 3, 3) and places (F, K, 3) as the joints' motions, shape (K, 4, 3F)."""
+    rows = np.concatenate([rotations.transpose(1, 3, 0, 2), places.transpose(1, 0, 2)[:, None]], axis=1)
+    return rows.reshape(len(rows), 4, -1)
+
+
+def _local(places: FloatArray, center: FloatArray) -> FloatArray:
+    """Places (V, 3) as a joint at rest has them, with a one for its own place, shape (V, 4)."""
+    return np.pad(places - center, ((0, 0), (0, 1)), constant_values=1.0)
+
+
+def _fit_motions(
+    motions: FloatArray, paths: FloatArray, rest: FloatArray, centers: FloatArray, weights: FloatArray
+) -> None:
+    """Fit each joint's motion in turn, in place, given the others'."""
+    moved = [np.flatnonzero(each) for each in weights.T]
+    shares = [weights[own, k, None] * _local(rest[own], centers[k]) for k, own in enumerate(moved)]
+    residual, parts = paths.copy(), []
+    for own, share, motion in zip(moved, shares, motions, strict=True):
+        parts.append(share @ motion)
+        residual[own] -= parts[-1]
     for k, own in enumerate(moved):
         if not len(own):
             continue
-        w, local = weights[own, k], rest[own] - centers[k]
-        left = residual[:, own] + parts[k]  # what this joint alone should make: w (R x + t)
-        square = np.square(w)
-        middle = square @ local / square.sum()
-        target = w @ left / square.sum()
-        # The sum of w^2 (q - target) (x - middle)^T over the vertices, with q = left / w.
-        spread = left.transpose(0, 2, 1) @ (w[:, None] * (local - middle))
-        rotations[:, k] = _nearest_rotation(spread)
-        places[:, k] = target - rotations[:, k] @ middle
-        part = w[:, None] * _turned(local, rotations[:, k], places[:, k])
-        residual[:, own] = left - part
-    return rotations, places
-
-
-def _turned(local: FloatArray, rotations: FloatArray, places: FloatArray) -> FloatArray:
-    """Vectors from a joint in its rest (V, 3), as it has turned and moved them in each frame, shape (F, V, 3)."""
-    return local @ rotations.transpose(0, 2, 1) + places[:, None]
+        w, share = weights[own, k], shares[k]
+        left = residual[own] + parts[k]  # what this joint alone should make: w (R x + t)
+        square = np.square(w).sum()
+        middle = w @ share[:, :3] / square
+        # The sums of w^2 q and of w^2 q (x - middle)^T over the vertices, with q = left / w.
+        sums = np.vstack([share[:, :3].T - middle[:, None] * w, w]) @ left
+        turned = _nearest_rotation(sums[:3].reshape(3, -1, 3).transpose(1, 2, 0)).transpose(2, 0, 1).reshape(3, -1)
+        motions[k, :3], motions[k, 3] = turned, sums[3] / square - middle @ turned
+        residual[own] = left - share @ motions[k]
 
 
 def _nearest_rotation(matrices: FloatArray) -> FloatArray:
@@ -132,30 +137,13 @@ def _nearest_rotation(matrices: FloatArray) -> FloatArray:
 
 
 def _weights(
-    positions: FloatArray,
-    rest: FloatArray,
-    centers: FloatArray,
-    nearest: NDArray[np.intp],
-    rotations: FloatArray,
-    places: FloatArray,
+    paths: FloatArray, rest: FloatArray, centers: FloatArray, nearest: NDArray[np.intp], motions: FloatArray
 ) -> FloatArray:
     """Each vertex's weights, none of them negative, given the joints' motions."""
-    from scipy.optimize import nnls
-
-    vertices, candidates = nearest.shape
-    weights = np.zeros((vertices, len(centers)))
-    for v in range(vertices):
-        joint = nearest[v]
-        columns = np.einsum("fkij,kj->fki", rotations[:, joint], rest[v] - centers[joint]) + places[:, joint]
-        system = columns.transpose(0, 2, 1).reshape(-1, candidates)
-        # From the vertex's own place, so that numbers are small beside those that hold the sum.
-        target = positions[:, v].reshape(-1)
-        matrix = np.vstack([system - target[:, None], np.full(candidates, ONE)])
-        wanted = np.append(np.zeros(len(target)), ONE)
-        found = nnls(matrix, wanted)[0]
-        if np.count_nonzero(found) > INFLUENCES:
-            best = np.sort(np.argsort(-found)[:INFLUENCES])
-            found = np.zeros(candidates)
-            found[best] = nnls(matrix[:, best], wanted)[0]
-        weights[v, joint] = found / found.sum()
+    apart = np.empty((*nearest.shape, paths.shape[1]))
+    for k, motion in enumerate(motions):
+        own, slot = np.nonzero(nearest == k)
+        apart[own, slot] = _local(rest[own], centers[k]) @ motion - paths[own]
+    weights = np.zeros((len(rest), len(centers)))
+    np.put_along_axis(weights, nearest, blend(apart @ apart.transpose(0, 2, 1), INFLUENCES), axis=1)
     return weights

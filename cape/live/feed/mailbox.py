@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 SLOTS = 4  # frames in turn: a reader is late by two before one that it copies is written over
-_HEAD = struct.Struct("=8q")  # count of frames put, vertices and bones that there is room for, last frame sent
-_SLOT = struct.Struct("=6q1d")  # count, number, set-up, vertices, bones, left over; time
+_HEAD = struct.Struct("=8q")  # count of frames put; vertices, bones and, behind the last frame sent, morphs of a frame
+_SLOT = struct.Struct("=6q1d")  # count, number, set-up, vertices, bones, morphs; time
 _COUNT, _ROOM, _SENT = slice(0, 8), slice(8, 24), slice(24, 32)
 
 
@@ -30,6 +30,7 @@ class LiveFrame(NamedTuple):
         positions: of the cloth's vertices in the world [m], shape (V, 3).
         bone_positions: origins of the bones in the world [m], shape (B, 3).
         rotations_wxyz: unit quaternions bone_to_world, shape (B, 4).
+        morphs: weights of the M morphs of a mesh that the bones move, shape (M,).
     """
 
     number: int
@@ -38,18 +39,19 @@ class LiveFrame(NamedTuple):
     positions: NDArray[np.float32]
     bone_positions: FloatArray
     rotations_wxyz: FloatArray
+    morphs: FloatArray = np.zeros(0)
 
 
 class Mailbox:
-    """Room for the newest frame, of so many vertices and bones at most."""
+    """Room for the newest frame, of so many vertices, bones and morphs at most."""
 
-    def __init__(self, memory: mmap.mmap, vertices: int, bones: int) -> None:
+    def __init__(self, memory: mmap.mmap, vertices: int, bones: int, morphs: int) -> None:
         """Take memory that `create` or `open` has mapped."""
-        self._memory, self.vertices, self.bones = memory, vertices, bones
+        self._memory, self.vertices, self.bones, self.morphs = memory, vertices, bones, morphs
         self._taken = 0
 
     @staticmethod
-    def create(path: Path, vertices: int, bones: int) -> "Mailbox":
+    def create(path: Path, vertices: int, bones: int, morphs: int = 0) -> "Mailbox":
         """Make an empty one; the file may vanish once the other process has opened it.
 
         Raises:
@@ -57,9 +59,10 @@ class Mailbox:
         """
         with path.open("xb+") as file:
             # Written rather than left as a hole, which could not be filled any more once the disk is full.
-            file.write(_HEAD.pack(0, vertices, bones, -1, 0, 0, 0, 0) + bytes(SLOTS * _stride(vertices, bones)))
+            head = _HEAD.pack(0, vertices, bones, -1, morphs, 0, 0, 0)
+            file.write(head + bytes(SLOTS * _stride(vertices, bones, morphs)))
             file.flush()
-            return Mailbox(mmap.mmap(file.fileno(), 0), vertices, bones)
+            return Mailbox(mmap.mmap(file.fileno(), 0), vertices, bones, morphs)
 
     @staticmethod
     def open(path: Path) -> "Mailbox":
@@ -70,16 +73,16 @@ class Mailbox:
         """
         with path.open("rb+") as file:
             memory = mmap.mmap(file.fileno(), 0)
-        _, vertices, bones, *_ = _HEAD.unpack_from(memory)
-        return Mailbox(memory, vertices, bones)
+        _, vertices, bones, _, morphs, *_ = _HEAD.unpack_from(memory)
+        return Mailbox(memory, vertices, bones, morphs)
 
     def put(self, frame: LiveFrame) -> None:
         """Have a frame be the newest one."""
         count = self._count + 1
         start = self._start(count)
-        vertices, bones = len(frame.positions), len(frame.bone_positions)
+        vertices, bones, morphs = len(frame.positions), len(frame.bone_positions), len(frame.morphs)
         # Not valid while it is written.
-        _SLOT.pack_into(self._memory, start, -1, frame.number, frame.setup, vertices, bones, 0, frame.time)
+        _SLOT.pack_into(self._memory, start, -1, frame.number, frame.setup, vertices, bones, morphs, frame.time)
         at = start + _SLOT.size
         for values, dtype in _parts(frame):
             data = np.ascontiguousarray(values, dtype)
@@ -92,7 +95,7 @@ class Mailbox:
         """The newest frame, None if it was taken before."""
         while (count := self._count) > self._taken:
             start = self._start(count)
-            data = self._memory[start : start + _stride(self.vertices, self.bones)]
+            data = self._memory[start : start + self._stride]
             if struct.unpack_from("=q", data)[0] == count and self._is_at(start, count):
                 self._taken = count
                 return _unpacked(data)
@@ -115,23 +118,33 @@ class Mailbox:
         return struct.unpack("=q", self._memory[start : start + 8])[0] == count
 
     def _start(self, count: int) -> int:
-        return _HEAD.size + count % SLOTS * _stride(self.vertices, self.bones)
+        return _HEAD.size + count % SLOTS * self._stride
+
+    @property
+    def _stride(self) -> int:
+        return _stride(self.vertices, self.bones, self.morphs)
 
 
-def _stride(vertices: int, bones: int) -> int:
+def _stride(vertices: int, bones: int, morphs: int) -> int:
     """Bytes of a slot."""
-    return _SLOT.size + 8 * (-(-(12 * vertices + 56 * bones) // 8))
+    return _SLOT.size + 8 * (-(-(12 * vertices + 56 * bones + 8 * morphs) // 8))
 
 
 def _parts(frame: LiveFrame) -> tuple[tuple[NDArray, type], ...]:
-    return (frame.bone_positions, np.float64), (frame.rotations_wxyz, np.float64), (frame.positions, np.float32)
+    return (
+        (frame.bone_positions, np.float64),
+        (frame.rotations_wxyz, np.float64),
+        (frame.morphs, np.float64),
+        (frame.positions, np.float32),
+    )
 
 
 def _unpacked(data: bytes) -> LiveFrame:
-    _, number, setup, vertices, bones, _, time = _SLOT.unpack_from(data)
+    _, number, setup, vertices, bones, morphs, time = _SLOT.unpack_from(data)
     found, at = [], _SLOT.size
-    for count, width, dtype in ((bones, 3, np.float64), (bones, 4, np.float64), (vertices, 3, np.float32)):
+    wanted = (bones, 3, np.float64), (bones, 4, np.float64), (morphs, 1, np.float64), (vertices, 3, np.float32)
+    for count, width, dtype in wanted:
         found.append(np.frombuffer(data, dtype, count * width, at).reshape(count, width))
         at += found[-1].nbytes
-    places, rotations, positions = found
-    return LiveFrame(number, time, setup, positions, places, rotations)
+    places, rotations, weights, positions = found
+    return LiveFrame(number, time, setup, positions, places, rotations, weights[:, 0])

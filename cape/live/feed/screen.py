@@ -7,16 +7,21 @@ from contextlib import suppress
 from importlib.util import find_spec
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cape.live.feed.mailbox import LiveFrame
 from cape.live.feed.sender import Sender
 from cape.live.feed.viewers import STARTING, ViewerProcess, address, free_port
 from cape.live.rig import Rig
+from cape.live.sources import Dressed
 from cape.record.moments import Shown
 from motions.errors import UserError
 from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
 
+FloatArray = NDArray[np.float64]
+
+NOTHING = np.zeros(0)
 ROOM = 4  # times as many vertices as there are, for those that tears add
 STUCK = 2.0  # [s] without a frame, from which on it is said that the viewer does not answer
 
@@ -50,6 +55,8 @@ class Screen:
             UserError: the viewer does not start.
         """
         self._rig, self._name, self._surfaces, self._skin = rig, name, tuple(surfaces), skin
+        source = rig.hands.source
+        self._dressed = source if isinstance(source, Dressed) and skin is not None and source.skin is skin else None
         self._known: tuple[object, ...] = ()
         self._setup = 0
         self._served = threading.Event()
@@ -67,7 +74,8 @@ class Screen:
             self.sender = Sender(
                 *where,
                 vertices=ROOM * rig.scene.cloth.vertices,
-                bones=len(rig.hands.source.names),
+                bones=len(source.names),
+                morphs=len(self._morphs),
                 module=module,
                 hear=self._take if viewing == "page" else None,
             )
@@ -120,7 +128,12 @@ class Screen:
         if len(positions) > self.sender.room:
             return
         pose = rig.bones
-        self.sender.send(LiveFrame(number, rig.time, self._setup, positions, pose.positions, pose.rotations_wxyz))
+        places, turns = pose.positions, pose.rotations_wxyz
+        self.sender.send(LiveFrame(number, rig.time, self._setup, positions, places, turns, self._morphs))
+
+    @property
+    def _morphs(self) -> FloatArray:
+        return NOTHING if self._dressed is None else self._dressed.morphs
 
     def close(self) -> None:
         """End the feed, and the viewer that was opened."""

@@ -35,6 +35,7 @@ class Sender:
         *where: str,
         vertices: int,
         bones: int,
+        morphs: int = 0,
         module: str = "cape.live.feed.sending",
         hear: Callable[[str], None] | None = None,
     ) -> None:
@@ -44,6 +45,7 @@ class Sender:
             where: what the module is given besides the mailbox: the URL of a viewer.
             vertices: that there is room for.
             bones: the same.
+            morphs: the same.
             module: what the process runs.
             hear: called with each line that it prints, on a thread of its own.
 
@@ -53,7 +55,7 @@ class Sender:
         try:
             place = FOLDER if os.access(FOLDER, os.W_OK) else None
             self._folder = tempfile.TemporaryDirectory(prefix="cape-live-", dir=place)
-            self._box = Mailbox.create(Path(self._folder.name) / "frames", vertices, bones)
+            self._box = Mailbox.create(Path(self._folder.name) / "frames", vertices, bones, morphs)
         except OSError as error:
             raise UserError(f"can't show anything: no room for frames in memory: {error.strerror}") from error
         self.put, self._setup = 0, -1

@@ -39,7 +39,7 @@ def main(folder: Path, url: str) -> NoReturn:
         begins = shown is None or frame.setup != setup
         if shown is None or begins:
             shown, setup = read_setup(folder, frame.setup), frame.setup
-        track = shown.track(frame.time, frame.bone_positions, frame.rotations_wxyz)
+        track = shown.track(frame.time, frame.bone_positions, frame.rotations_wxyz, frame.morphs)
         if stream is None or recording is None:
             stream = rr.RecordingStream(f"cape live {shown.name}", recording_id=uuid.uuid4())
             recording = MomentRecording(stream)

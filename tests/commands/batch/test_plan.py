@@ -1,6 +1,7 @@
 """Which tasks a batch has, what they are called, and which arguments of `cape replay` they are made of."""
 
 import json
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from cape.cli.batch import passing, plan, task
 from cape.cli.batch.plan import Task
 from cape.cli.batch.task import DONE, FAILED, LOG, STOPPED, complete, do, run_cape
+from cape.version import VERSION
 from motions.errors import FileError, UserError
 from tests.support.command import Forks
 from tests.support.processes import mistake_told
@@ -63,6 +65,22 @@ BAD = {
     "a value besides a sweep": (["--seed", "1", "--sweep", "seed=2"], "leave one of them out"),
     "an unknown fabric in a sweep": (["--sweep", "fabric=cape,silk"], "no fabric named 'silk'"),
     "no number in a sweep": (["--sweep", "spacing=0.1,x"], "'--spacing'"),
+    "an unknown unit in a sweep": (["--sweep", "unit=cm,zz"], "no unit named 'zz'"),
+    "a misspelt clip": (
+        ["wlak"],
+        "no file 'wlak'; shipped clips: idle, jump, kick, run, spin, walk; did you mean 'walk'?",
+    ),
+    "a file that is not there": (["a.bvh"], "no file 'a.bvh'"),
+    "an unknown axis": (["--up", "q"], "'q'"),
+    "no rate": (["--fps", "0"], "fps must be above 0"),
+    "no height": (["--height", "0"], "height must be more than 0 m"),
+    "an end before the beginning": (["--start", "2", "--end", "1"], "can't take a motion from 2 s to 1 s"),
+    "an unknown role": (["--attach", "tail=hips"], "no role named 'tail'"),
+    "an unknown robot": (["--skeleton", "g9"], "no robot named 'g9'"),
+    "hitboxes of an unknown kind": (["--hitboxes", "round"], "no way to make hitboxes named 'round'"),
+    "hitboxes that are not there": (["--hitboxes", "a.toml"], "a.toml"),
+    "an unknown layer": (["--layers", "cap"], "'cap'"),
+    "an unknown tab": (["--tab", "capes"], "no tab named 'capes'"),
     "too large a sweep": (["--sweep", "seed=" + ",".join(map(str, range(100_001)))], "100001 combinations"),
     "an unknown format": (["--format", "fbx"], "available: rrd, npz, usd"),
     "layers of an export": (["--format", "npz", "--layers", "cape"], "is for recordings"),
@@ -144,6 +162,31 @@ def test_a_task_that_can_write_nothing_fails_in_a_line(tmp_path: Path):
     found = do(replace(TASK, folder=str(tmp_path)), lambda: False)
     assert (found.status, found.attempts) == (FAILED, 1)
     assert "File exists" in found.error
+
+
+def test_the_end_of_a_run_is_not_looked_for_but_waited_for(tmp_path: Path, monkeypatch):
+    """Python waits with a time limit by looking ever so often, up to 50 ms late."""
+    limits, wait = [], subprocess.Popen.wait
+
+    def noted(process, timeout=None):
+        limits.append(timeout)
+        return wait(process, timeout)
+
+    monkeypatch.setattr(subprocess.Popen, "wait", noted)
+    status, printed = run_cape(["--version"], place=tmp_path, said=tmp_path / LOG, stopped=lambda: False)
+    assert (status, printed) == (0, f"cape {VERSION}\n")
+    assert limits == [None]
+
+
+def test_a_run_is_ended_while_it_is_at_work(tmp_path: Path):
+    asked = []
+    status, _ = run_cape(
+        ["replay", "walk", "-o", "a.rrd"], place=tmp_path, said=tmp_path / LOG,
+        stopped=lambda: len(asked) > 1 or asked.append(None) is not None,
+    )  # fmt: skip
+    assert status is None
+    assert len(asked) == 2
+    assert not (tmp_path / "a.rrd").exists()
 
 
 def test_a_run_that_nobody_waits_for_is_ended(tmp_path: Path):

@@ -45,6 +45,7 @@ def test_a_batch_outlives_what_is_killed_and_goes_on_where_it_was_interrupted(tm
     (tmp_path / "clips").mkdir()
     for name in ("idle", "walk"):
         (tmp_path / "clips" / f"{name}.bvh").write_bytes(motions.clip_path(name).read_bytes())
+    (tmp_path / "torn.bvh").write_text("HIERARCHY\nROOT hips\n")
     asked = ("clips", "torn.bvh", "-o", "out", "--jobs", "1", *COARSE)
     batch = begin(*asked, folder=tmp_path)
     until = time.monotonic() + HOPELESS
@@ -64,7 +65,6 @@ def test_a_batch_outlives_what_is_killed_and_goes_on_where_it_was_interrupted(tm
     kept = (tmp_path / "out" / "idle" / "idle.rrd").stat()
     assert not list((tmp_path / "out").rglob("*.part*"))
 
-    (tmp_path / "torn.bvh").write_text("HIERARCHY\nROOT hips\n")
     done = cape("batch", *asked, "--json", folder=tmp_path)
     assert done.returncode == 1
     assert done.stderr.startswith("1 of 3 stand complete already\n1 of 2: walk, finished")
