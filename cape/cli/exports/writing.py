@@ -103,8 +103,8 @@ def _kind(path: Path) -> str:
 def begun(path: Path, who: Staged, *, loop: bool, layers: Sequence[str] | None, tab: str = "cape") -> Iterator[Output]:
     """Begin what the path's suffix tells, a recording by default; it is whole when the block ends.
 
-    A recording is written while frames come, but for a loop and for a cloth that tears: what these are like is known
-    at the end.
+    A recording is written while frames come; that of a loop, whose frames are known at the end, as far as there is room
+    then.
 
     Raises:
         UserError: it can't be written.
@@ -112,19 +112,20 @@ def begun(path: Path, who: Staged, *, loop: bool, layers: Sequence[str] | None, 
     kind = _kind(path)
     if kind != "recording":
         _require_room(path, 12 * who.scene.cloth.vertices * who.track.frames)
-    if kind != "recording" or loop or who.scene.tearing is not None:
+    if kind != "recording":
 
         def finish(take: Take) -> None:
             write(take, path, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab)
 
-        yield Output(kind, finish, modules=RECORDER if kind == "recording" else ())
+        yield Output(kind, finish)
     else:
         from cape.record.growing import growing_file
 
         with growing_file(
             path, who.scene, who.track, name=who.name, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab
         ) as file:
-            yield Output(kind, file.finish, on_frame=file.note, modules=RECORDER, full=lambda: file.full)
+            note = None if loop else file.note
+            yield Output(kind, file.finish, on_frame=note, modules=RECORDER, full=lambda: file.full)
 
 
 def _require_room(path: Path, size: int) -> None:
