@@ -262,6 +262,7 @@ def growing_file(
     surfaces: Sequence[LinkSurface] = (),
     skin: Skin | None = None,
     tab: str = "cape",
+    whole: bool = True,
 ) -> Iterator[GrowingFile]:
     """Open a recording of what is going to be simulated, which holds in the end what `cape.record.save` writes.
 
@@ -276,6 +277,7 @@ def growing_file(
         surfaces: meshes that the bones carry.
         skin: mesh that the bones move, drawn in place of a body by proportions; None for the bones' own, if any.
         tab: "cape" or "hitboxes", which of the two the viewer shows first.
+        whole: begin only where there is room for all frames.
 
     Raises:
         MissingPackageError: rerun-sdk isn't installed.
@@ -302,7 +304,7 @@ def growing_file(
     each = BYTES_PER_VERTEX * drawn if "cape" in asked else BYTES_PER_BONE
     with recording_file(
         path, name=" and ".join(name for name, _ in parts), opening=opening,
-        size=OVERHEAD + each * track.frames + skin_size(skin, track.frames),
+        size=OVERHEAD + each * track.frames + skin_size(skin, track.frames) if whole else 0,
     ) as file:  # fmt: skip
 
         def cloth() -> GrowingCloth:

@@ -24,6 +24,7 @@ from cape.scene.standard_scenes import StandardScene
 from cape.scene.tearing_scenes import torn
 from skeleton.track import BoneTrack
 from tests.support.command import CAPE
+from tests.support.takes import cloth_frames
 
 FRAMES = 30
 SHEET = cape.Cloth.rectangle(width=0.4, height=0.4, spacing=0.1, fabric=cape.Fabric(stretch=100.0, shear=20.0))
@@ -221,12 +222,6 @@ def test_a_run_that_is_stopped_says_why():
     assert (take.result, take.warnings[0], len(take.positions)) == ("stopped at frame 4", "enough", 4)
 
 
-def cloth_frames(path: Path) -> int:
-    """How many frames of its cloth are in a recording."""
-    chunks = rr.chunk.RrdReader(path).stream().filter(content="/world/cape")
-    return sum(c.num_rows for c in chunks if "Mesh3D:vertex_positions" in c.to_record_batch().schema.names)
-
-
 @pytest.mark.few("15-sheet", "15-torn")
 @pytest.mark.parametrize("scene", ["sheet", "torn"])
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
@@ -295,6 +290,6 @@ def test_a_full_disk_leaves_of_a_loop_what_fits(tmp_path: Path):
     )  # fmt: skip
     assert done.returncode == 2, done.stderr
     frames = cloth_frames(tmp_path / "loop.rrd")
-    told = rf"cape: loop.rrd ends before the motion does: 4\.\d+ MB are free, too little for more than {frames} frames"
+    told = rf"cape: can't write all of loop.rrd: 4\.\d+ MB are free, too little for more than {frames} frames"
     assert re.fullmatch(told, done.stderr.splitlines()[-1])
     assert 0 < frames < LOOP_FRAMES

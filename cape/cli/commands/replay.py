@@ -239,7 +239,7 @@ def run(
     if spawn:
         open_viewer(path)
     if (full := end.full()) is not None:
-        raise FileError(f"{path} ends before the motion does: {full}")
+        raise FileError(f"can't write all of {path}: {full}")
     return 130 if take.result.startswith("stopped") else 0
 
 

@@ -12,6 +12,7 @@ from cape.cli.staging import Staged
 from cape.record.files.sink import room_at
 from cape.results.so_far import SoFar
 from cape.results.take import Take
+from cape.scene.scene import Scene
 from motions.errors import FileError, UserError
 from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
@@ -85,6 +86,34 @@ def write(
     else:
         record.save(take, path, layers=layers, surfaces=surfaces, skin=skin, tab=tab)
     return _kind(path)
+
+
+def write_what_fits(
+    take: Take, path: Path, scene: Scene, *, surfaces: Sequence[LinkSurface] = (), skin: Skin | None = None
+) -> tuple[str, str | None]:
+    """Write a take of a scene as its path's suffix tells, or as many of its first frames as there is room for.
+
+    Returns:
+        What that is, in a word, and why it does not hold all frames; None where it does.
+
+    Raises:
+        UserError: not even two frames can be written.
+    """
+    if (kind := _kind(path)) == "recording":
+        from cape.record.growing import growing_file
+
+        with growing_file(path, scene, take.bones, name=take.name, surfaces=surfaces, skin=skin, whole=False) as file:
+            file.finish(take)
+        return kind, file.full
+    fits = of = len(take.positions)
+    while True:
+        try:
+            write(take.part(0, fits), path, surfaces=surfaces, skin=skin)
+            return kind, None if fits == of else f"the first {fits} of {of} frames are written, more did not fit"
+        except FileError:
+            fits //= 2
+            if fits < 2:
+                raise
 
 
 def _with_skin(take: Take, skin: Skin | None) -> Take:
