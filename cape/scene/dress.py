@@ -43,7 +43,7 @@ def dress(
     colliders: Sequence[Collider] | None = None,
     wind: Wind | None = None,
     self_contact: bool | SelfContact | None = None,
-    strain_limit: bool = True,
+    strain_limit: bool | None = None,
     hold: Mapping[str, str] | None = None,
     tearing: Tearing | None = None,
 ) -> Scene:
@@ -68,7 +68,7 @@ def dress(
             garment falls in folds whose layers meet.
         hold: bones, by name or role, that hold parts of the garment where it is put on, by the names of its regions, as
             {"collar": "neck"}: in place of the bone that does by itself, if any. What another part already holds stays.
-        strain_limit: whether threads stop stretching at the limits of their fabric; never where they may part.
+        strain_limit: whether threads stop stretching at the limits of their fabric; None for unless they may part.
         tearing: when the cloth parts; None for never.
 
     Raises:
@@ -105,7 +105,7 @@ def dress(
         self_contact=self_contact_of(worn.layered if self_contact is None else self_contact),
         thickness=Scene.thickness if worn.thickness is None else worn.thickness,
         confinements=[confine(worn.cloth, k.bone, k.vertices, max_distance=k.most) for k in worn.kept],
-        strain_limit=strain_limit and tearing is None and worn.cloth.has_threads,
+        strain_limit=(tearing is None if strain_limit is None else strain_limit) and worn.cloth.has_threads,
         tearing=tearing,
         wearer=(beginning_of(body, WEARER_ROLES[0]), beginning_of(body, WEARER_ROLES[1]), WEARER_ROLES[2]),
     )

@@ -68,7 +68,7 @@ class Cut:
     shelter: bool = False
     cuts: str = "carry"
     self_contact: bool | None = None
-    strain_limit: bool = True
+    strain_limit: bool | None = None
     hold: tuple[str, ...] = ()
     tear: float | None = None
     tear_force: float | None = None
