@@ -90,7 +90,7 @@ def dress(
     colliders = body.capsules() if colliders is None else tuple(colliders)
     fitted = Fitted(body, colliders)
     floor = floor_of(body, colliders, track)
-    room = room_on_all_fours(track, float(floor.point[2])) if length is None else None
+    room = _room(body, track, colliders, floor) if length is None else None
     worn = kind.fit(fitted, Measures(length=length, flare=flare, spacing=spacing, fabric=fabric, room=room))
     hold = hold or {}
     worn = worn._replace(holds=tuple(own for own in worn.holds if own.region not in hold))
@@ -115,6 +115,15 @@ def dress(
         return scene
     pose = zip(*worn.put_on.pose(scene.bones), strict=True)
     return replace(scene, dressing=dict(zip(scene.bones, pose, strict=True)))
+
+
+def _room(body: "Skeleton", track: BoneTrack, colliders: Sequence[Collider], floor: Plane) -> float | None:
+    """How long a cape may be above the floor [m], of a body that goes on all fours throughout the whole motion."""
+    room = room_on_all_fours(track, float(floor.point[2]))
+    if room is None or body.whole is None:
+        return room
+    whole = body.track(body.whole)
+    return room_on_all_fours(whole, float(floor_of(body, colliders, whole).point[2]))
 
 
 def _attachments(worn: Worn, hold: Mapping[str, str]) -> list[Attachment]:
