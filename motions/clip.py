@@ -58,6 +58,8 @@ class Clip:
         roles: name of the joint of each role (`motions.ROLES`) that the file itself tells, as VRM files do.
         skin: the mesh that the joints carry; None for none.
         morphs: weight of each of the skin's M morphs in each frame, shape (F, M); None for 0.
+        whole: the motion that this is a part of, or the same at another frame rate: the body's typical pose is that of
+            all of it. None for this one itself; one of other joints is left out.
 
     Raises:
         ValueRangeError: shapes that don't fit, numbers that aren't finite, a tree that isn't one, fps of 0 or less.
@@ -77,6 +79,7 @@ class Clip:
     roles: Mapping[str, str] = field(default_factory=dict)
     skin: Skin | None = field(default=None, repr=False)
     morphs: FloatArray | None = field(default=None, repr=False)
+    whole: "Clip | None" = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         """Copy, check and freeze the arrays."""
@@ -105,6 +108,14 @@ class Clip:
         squares = np.einsum("...i,...i", self.rotations_wxyz, self.rotations_wxyz)
         if np.abs(squares - 1).max() > 1e-6:
             raise ValueRangeError(f"clip {self.name!r}: rotations_wxyz must be unit quaternions")
+        if self.whole is not None and not self._is_of(self.whole):
+            object.__setattr__(self, "whole", None)
+
+    def _is_of(self, other: "Clip") -> bool:
+        """Tell whether another clip moves the same joints, at the same places where these are its own."""
+        if self.joints != other.joints or not np.array_equal(self.parents, other.parents):
+            return False
+        return self.local_positions is None or np.array_equal(self.offsets, other.offsets)
 
     def _freeze(self, attribute: str, shape: tuple[int, ...], dtype: type = np.float64) -> None:
         array = np.array(getattr(self, attribute), dtype=dtype)
@@ -190,6 +201,7 @@ class Clip:
             rotations_wxyz=quaternions.make_continuous(poses.rotations_wxyz),
             local_positions=poses.local_positions,
             morphs=None if self.morphs is None else between_rows(self.times, self.morphs, times),
+            whole=self.whole or self,
         )
 
     def trim(self, start: float = 0.0, end: float | None = None) -> "Clip":
@@ -213,6 +225,7 @@ class Clip:
             rotations_wxyz=self.rotations_wxyz[kept],
             local_positions=None if self.local_positions is None else self.local_positions[kept],
             morphs=None if self.morphs is None else self.morphs[kept],
+            whole=self.whole or self,
         )
 
     def world_poses(self) -> tuple[FloatArray, FloatArray]:

@@ -4,7 +4,7 @@
 # pyright: reportMissingImports=false
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -56,6 +56,7 @@ class Skeleton:
         mimics: joints of a robot that follow others.
         links: the bone that each of a robot's links is on, by the link's name.
         skin: the mesh that the bones of a clip's body carry; None for none.
+        whole: the motion that a clip's body was measured by, where the clip is a part of it; None for the clip itself.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Skeleton:
     mimics: tuple[Mimic, ...] = ()
     links: Mapping[str, str] = field(default_factory=dict)
     skin: Skin | None = field(default=None, repr=False)
+    whole: Clip | None = field(default=None, repr=False)
     _made: "pinocchio.Model | ClipModel | None" = field(default=None, repr=False)
 
     @cached_property
@@ -88,17 +90,20 @@ class Skeleton:
         operational frames named after their joint. None of it takes Pinocchio but the model itself.
 
         Args:
-            clip: any motion of the body; all of its frames serve to find a typical pose.
+            clip: any motion of the body; all of its frames serve to find a typical pose, and where it was trimmed those
+                of the whole as well, so that it is the same body whichever part of a motion that is.
             roles: joint names for roles that aren't found or are found wrongly; they win.
 
         Raises:
             UnknownNameError: an override's role or joint doesn't exist.
         """
-        found, decisions = _roles_of_clip(clip, roles)
-        local = np.array(clip.offsets if clip.local_positions is None else clip.local_positions.mean(axis=0))
+        whole = clip if clip.whole is None else clip.whole
+        placed = clip if clip.local_positions is None else whole
+        found, decisions = _roles_of_clip(whole, {**clip.roles, **(roles or {})})
+        local = np.array(placed.offsets if placed.local_positions is None else placed.local_positions.mean(axis=0))
         local[0] = 0.0
         # Not by Pinocchio, whose data grow with the cube of the number of joints that turn freely.
-        typical = forward_kinematics(clip.parents, local[None], mean_rotations(clip.rotations_wxyz)[None])
+        typical = forward_kinematics(clip.parents, local[None], mean_rotations(whole.rotations_wxyz)[None])
         rest = RestPose(
             bones=clip.joints,
             parents=clip.parents,
@@ -121,7 +126,8 @@ class Skeleton:
             rest,
             decisions=decisions,
             skin=clip.skin,
-            _made=ClipModel.of(clip),
+            whole=clip.whole if np.array_equal(clip.offsets, whole.offsets) else None,
+            _made=replace(ClipModel.of(placed), name=clip.name),
         )
 
     @staticmethod
@@ -319,9 +325,9 @@ class Skeleton:
         return followed(configurations, self.mimics, self.model)
 
 
-def _roles_of_clip(clip: Clip, given: Mapping[str, str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
+def _roles_of_clip(clip: Clip, given: Mapping[str, str]) -> tuple[dict[str, str], tuple[str, ...]]:
     """The joint that plays each role, by names, and where these don't tell of limbs by the shape of the body."""
-    named = find_roles(clip.joints, clip.parents.tolist(), {**clip.roles, **(given or {})})
+    named = find_roles(clip.joints, clip.parents.tolist(), {**clip.roles, **given})
     if all(f"{side}_{limb}" in named for side in SIDES for limb in ("upper_arm", "thigh")):
         return named, ()
     few = clip.sampled()

@@ -255,8 +255,13 @@ def cut(
         ),
     ] = None,
     strain_limit: Annotated[
-        bool, typer.Option(help="Hold threads back from stretching further than their fabric allows, 4 % if woven.")
-    ] = True,
+        bool | None,
+        typer.Option(
+            "--strain-limit/--no-strain-limit",
+            help="Hold threads back from stretching further than their fabric allows, 4 % if woven; by default where "
+            "they can't part.",
+        ),
+    ] = None,
     hold: Annotated[
         list[str] | None,
         typer.Option(

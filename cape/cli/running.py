@@ -7,7 +7,8 @@ import threading
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import contextmanager, suppress
-from typing import Protocol
+from types import FrameType
+from typing import Any, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -88,6 +89,37 @@ def ended_in_order():
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def ended_before_interrupts():
+    """Give what, once called, lets the block end before an interrupt is heard; a second one is heard at once.
+
+    What is done would be lost where the writing of its end is broken off.
+    """
+    handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}
+    held: list[int] = []
+
+    def hold(number: int, _: FrameType | None) -> None:
+        held.append(number)
+        restore()
+
+    def begin() -> None:
+        for number in {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:
+            if callable(handler := signal.getsignal(number)):
+                handlers[number] = handler
+                signal.signal(number, hold)
+
+    def restore() -> None:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+    try:
+        yield begin
+    finally:
+        restore()
+    if held:
+        handlers[held[0]](held[0], None)
 
 
 @contextmanager

@@ -86,10 +86,10 @@ def _on_stage(named: NamedScene, reading: Reading, cut: "Cut", hitboxes: str | N
         scene = replace(scene, wind=cut.air())
     if cut.self_contact is not None:
         scene = replace(scene, self_contact=SelfContact() if cut.self_contact else None)
-    if not cut.strain_limit:
-        scene = replace(scene, strain_limit=False)
     if (tearing := cut.tearing()) is not None:
         scene = replace(scene, strain_limit=False, tearing=tearing)
+    if cut.strain_limit is not None:
+        scene = replace(scene, strain_limit=cut.strain_limit)
     return Staged(standard.name, _until(track, reading), scene)
 
 

@@ -267,6 +267,11 @@ class Live:
         self._said = time.monotonic()
         self._status = self._status.but(message=text)
 
+    @property
+    def kept_enough(self) -> bool:
+        """Whether no more frames are kept."""
+        return self._kept_enough
+
     def stop_keeping(self, told: str = "recording stopped") -> None:
         """Keep no more frames than there are."""
         if not self._kept_enough:

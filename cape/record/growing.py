@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
 BYTES_PER_VERTEX = 24  # in each frame: place and normal
+BYTES_PER_TEXCOORD = 8
 BYTES_PER_BONE = 120  # the same of a bone or a collider, at most: in all layers
 
 
@@ -57,15 +58,24 @@ def parts_of(name: str, cloth: Cloth) -> list[tuple[str, Cloth]]:
 class GrowingCloth:
     """Sends the frames of a cloth to a stream as they come."""
 
-    def __init__(self, stream: rr.RecordingStream, asked: Collection[str], entities: Sequence[ClothEntity]) -> None:
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        asked: Collection[str],
+        entities: Sequence[ClothEntity],
+        *,
+        may_tear: bool = False,
+    ) -> None:
         """A cloth of which nothing has been sent yet.
 
         Args:
             stream: where to.
             asked: layers.
             entities: where it stands, or each of those that it is made of.
+            may_tear: whether its triangles may change from frame to frame.
         """
-        self._stream, self._asked, self._entities = stream, asked, entities
+        self._stream, self._asked, self._entities, self._may_tear = stream, asked, entities, may_tear
+        self._triangles: NDArray[np.int32] | None = None  # of the last frame that was sent
         self._finite: list[NDArray[np.bool_]] = []
 
     @property
@@ -85,7 +95,10 @@ class GrowingCloth:
         if len(rows):
             frames = Frames(rows, part.bones.times[rows], begins=begins, before=self.sent)
             for take, entity in zip(takes_apart(part), self._entities, strict=True):
-                log_cloth(self._stream, self._asked, take, entity, frames)
+                log_cloth(
+                    self._stream, self._asked, take, entity, frames, may_tear=self._may_tear, known=self._triangles
+                )
+            self._triangles = part.triangles_at(int(rows[-1]))
         self._finite.append(finite)
 
 
@@ -123,7 +136,7 @@ class GrowingRecording:
         """
         asked, skin = with_surfaces(LAYERS, surfaces), skin or track.skin
         entities = entities_of(parts_of("cape", scene.cloth))
-        self._cloth = GrowingCloth(stream, asked, entities)
+        self._cloth = GrowingCloth(stream, asked, entities, may_tear=scene.tearing is not None)
         frames = finite_frames("the motion", track)
         colliders = drawable(scene.colliders)
         height = figure_height(track, frames, surfaces, skin)
@@ -145,6 +158,8 @@ class GrowingRecording:
 class GrowingFile:
     """A recording in a file, whose cloth is written while it is simulated: chunk by chunk, and who moves at the end.
 
+    Of a loop, whose frames are known at the end only, all is written then, in the same chunks.
+
     Attributes:
         full: why it ends before the run does, a sentence; None while it need not.
     """
@@ -156,7 +171,7 @@ class GrowingFile:
         surfaces: Sequence[LinkSurface],
         skin: Skin | None,
         *,
-        entities: Callable[[], Sequence[ClothEntity]],
+        cloth: Callable[[], GrowingCloth],
         frame_bytes: int,
         figure_bytes: int,
     ) -> None:
@@ -167,19 +182,18 @@ class GrowingFile:
             asked: layers.
             surfaces: meshes that the bones carry.
             skin: mesh that the bones move.
-            entities: gives where the cloth stands, or each of those that it is made of.
-            frame_bytes: what a frame of the cloth takes, but for its contacts.
+            cloth: begins to send one to the file.
+            frame_bytes: what a frame of the cloth takes while it is whole, but for its contacts.
             figure_bytes: what a frame of all else takes, at most.
         """
-        self._file, self._asked, self._surfaces, self._skin, self._entities = file, asked, surfaces, skin, entities
+        self._file, self._asked, self._surfaces, self._skin, self._begin = file, asked, surfaces, skin, cloth
         self._frame_bytes, self._figure_bytes = frame_bytes, figure_bytes
-        self._so_far: SoFar | None = None
         self._sent = 0
         self.full: str | None = None
 
     @cached_property
     def _cloth(self) -> GrowingCloth:
-        return GrowingCloth(self._file.stream, self._asked, self._entities())
+        return self._begin()
 
     def note(self, done: int, so_far: SoFar) -> None:
         """Take notice of frames that are done, as the `on_frame` of `cape.simulate`.
@@ -188,9 +202,8 @@ class GrowingFile:
             StopRun: there is no room for more.
             FileError: the file can't be written.
         """
-        self._so_far = so_far
         if self._frame_bytes * (done - self._sent) >= BYTES_PER_CHUNK:
-            self._write()
+            self._write(so_far(self._sent))
         if self.full is not None:
             raise StopRun(self.full)
 
@@ -201,31 +214,41 @@ class GrowingFile:
             ValueRangeError: no frame is finite.
             FileError: the file can't be written, or has no room for any frame.
         """
-        if self.full is None and len(take.positions) > self._sent:
-            self._write()
+        together, frames = max(1, BYTES_PER_CHUNK // self._frame_bytes), len(take.positions)
+        while self.full is None and self._sent < frames:
+            self._write(take.part(self._sent, min(self._sent + together, frames)))
         if not self._sent:
             raise FileError(f"can't write {self._file.path}: {self.full}")
         worn = worn_of([take])
         bones = worn.bones.first(self._sent)
         log_figure(
             self._file.stream, self._asked, bones, worn.colliders, worn.thicknesses,
-            frames_of(take.name, self._cloth.finite, bones), left_out=worn.left_out, surfaces=self._surfaces,
-            skin=self._skin,
+            frames_of(take.name, self._cloth.finite, bones), left_out=worn.left_out,
+            travel=worn.travel if self.full is None else None, surfaces=self._surfaces, skin=self._skin,
         )  # fmt: skip
 
-    def _write(self) -> None:
+    def _write(self, part: Take) -> None:
+        """Write the frames of a take that begins where those before have ended, or as many as there is room for."""
         self._file.check()
-        if self._so_far is None:
-            return
-        part = self._so_far(self._sent)
-        contacts = 0 if part.contacts is None else len(part.contacts.points)
-        needed = self._frame_bytes * len(part.positions) + BYTES_PER_CONTACT * contacts + OVERHEAD
-        needed += self._figure_bytes * (self._sent + len(part.positions))
-        if (room := self._file.room) < needed:
-            self.full = f"{room / 1e6:.3g} MB are free, too little for more than {self._sent} frames"
-        else:
-            self._cloth.add(part)
+        room, frames = self._file.room, len(part.positions)
+        while frames and self._needed(part, frames) > room:
+            frames //= 2
+        if frames:
+            self._cloth.add(part.part(0, frames))
             self._sent = self._cloth.sent
+        if frames < len(part.positions):
+            self.full = f"{room / 1e6:.3g} MB are free, too little for more than {self._sent} frames"
+
+    def _needed(self, part: Take, frames: int) -> int:
+        """What so many of the first frames of a take need, and all that is still to come but for more of them."""
+        contacts = 0 if part.contacts is None else int(part.contacts.starts[frames] - part.contacts.starts[0])
+        needed = self._frame_bytes * frames + BYTES_PER_CONTACT * contacts + OVERHEAD
+        needed += self._figure_bytes * (self._sent + frames)
+        if part.tears:
+            needed += BYTES_PER_VERTEX * part.positions.shape[1] * frames
+            shapes = [each for each in part.topologies if each.frame < frames]
+            needed += sum(each.triangles.nbytes + BYTES_PER_TEXCOORD * len(each.parents) for each in shapes)
+        return needed
 
 
 @contextmanager
@@ -239,11 +262,11 @@ def growing_file(
     surfaces: Sequence[LinkSurface] = (),
     skin: Skin | None = None,
     tab: str = "cape",
+    whole: bool = True,
 ) -> Iterator[GrowingFile]:
     """Open a recording of what is going to be simulated, which holds in the end what `cape.record.save` writes.
 
-    It takes its name when the block ends, and vanishes when the block fails. Not for loops, whose frames are known at
-    the end, nor for what tears, whose vertices become more.
+    It takes its name when the block ends, and vanishes when the block fails.
 
     Args:
         path: the recording.
@@ -254,6 +277,7 @@ def growing_file(
         surfaces: meshes that the bones carry.
         skin: mesh that the bones move, drawn in place of a body by proportions; None for the bones' own, if any.
         tab: "cape" or "hitboxes", which of the two the viewer shows first.
+        whole: begin only where there is room for all frames.
 
     Raises:
         MissingPackageError: rerun-sdk isn't installed.
@@ -268,21 +292,23 @@ def growing_file(
         colliders, frames = drawable(scene.colliders), finite_frames(name, track)
     parts = parts_of(name, scene.cloth)
 
-    def entities() -> list[ClothEntity]:
-        return entities_of(parts)
-
     def opening() -> tuple[str, rrb.Blueprint]:
         linings = {
             entity.path: None if cloth.textures is not None else entity.look.lining
-            for entity, (_, cloth) in zip(entities(), parts, strict=True)
+            for entity, (_, cloth) in zip(entities_of(parts), parts, strict=True)
         }
         height = figure_height(track, frames, surfaces if "robot" in asked else (), skin)
         return cloth_layout(asked, linings, colliders=colliders, tab=tab, skinned=skin is not None, height=height)
 
-    each = BYTES_PER_VERTEX * scene.cloth.vertices if "cape" in asked else BYTES_PER_BONE
+    drawn = sum(cloth.vertices if cloth.visual is None else len(cloth.visual.corners) for _, cloth in parts)
+    each = BYTES_PER_VERTEX * drawn if "cape" in asked else BYTES_PER_BONE
     with recording_file(
         path, name=" and ".join(name for name, _ in parts), opening=opening,
-        size=OVERHEAD + each * track.frames + skin_size(skin, track.frames),
+        size=OVERHEAD + each * track.frames + skin_size(skin, track.frames) if whole else 0,
     ) as file:  # fmt: skip
+
+        def cloth() -> GrowingCloth:
+            return GrowingCloth(file.stream, asked, entities_of(parts), may_tear=scene.tearing is not None)
+
         figure = BYTES_PER_BONE * (len(track.names) + len(colliders)) + skin_size(skin, 1)
-        yield GrowingFile(file, asked, surfaces, skin, entities=entities, frame_bytes=each, figure_bytes=figure)
+        yield GrowingFile(file, asked, surfaces, skin, cloth=cloth, frame_bytes=each, figure_bytes=figure)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cape.cloth.looks.look import Color, Look
 from cape.cloth.looks.registry import LOOKS
 from cape.record.frames import Frames, send_once
-from cape.record.surfaces.drawn import drawn_of, texture_drawn
+from cape.record.surfaces.drawn import Drawn, drawn_of, texture_drawn
 from cape.record.surfaces.textures import albedo
 from cape.results.kept import let_go
 from motions.errors import UnknownNameError
@@ -47,35 +47,58 @@ def log_cape(
     *,
     path: str = "/world/cape",
     look: Look = LOOKS["cape"],
+    may_tear: bool = False,
+    known: NDArray[np.int32] | None = None,
 ) -> None:
-    """Put the cloth on its path: the texture of its outside on both sides; the blueprint draws the lining."""
+    """Put the cloth on its path: the texture of its outside on both sides; the blueprint draws the lining.
+
+    Triangles hold at all times, but of a cloth that tears, or may do so in frames to come: these are sent where they
+    change. `known` are those that the frames before have ended with.
+    """
     import rerun as rr
 
-    drawn = drawn_of(take)
-    changes = {} if take.tears == 0 else {t.frame: t.triangles for t in take.topologies}
+    changing, stages = may_tear or take.tears > 0, _stages(take, frames.numbers)
     if frames.begins:
-        always = {} if changes else {"triangle_indices": drawn.triangles}
-        mesh = {"vertex_texcoords": drawn.texcoords, **always, **albedo(texture_drawn(take, look))}
-        send_once(stream, path, rr.Mesh3D.from_fields(**mesh))
-    for block in frames.blocks(2 * 12 * drawn.vertices):
-        numbers = frames.numbers[block]
-        found = take.positions[numbers]
-        parts = [drawn.at(found[same], triangles) for triangles, same in _alike(take, numbers)]
-        positions, normals = (np.concatenate(each) for each in zip(*parts, strict=True))
-        frames.send(stream, path, rr.Mesh3D, {"vertex_positions": positions, "vertex_normals": normals}, block=block)
+        always = {} if changing else _shape(stages[0].drawn)
+        send_once(stream, path, rr.Mesh3D.from_fields(**always, **albedo(texture_drawn(take, look))))
+    for stage in stages if changing else []:
+        if stage.triangles is not known:
+            columns = {name: values[None] for name, values in _shape(stage.drawn).items()}
+            frames.send(stream, path, rr.Mesh3D, columns, block=slice(stage.first, stage.first + 1))
+    for block in frames.blocks(2 * 12 * max(stage.drawn.vertices for stage in stages)):
+        found, counts = [], []
+        for stage in stages:
+            numbers = frames.numbers[max(block.start, stage.first) : min(block.stop, stage.end)]
+            if len(numbers):
+                found.append([each.reshape(-1, 3) for each in stage.drawn.at(take.positions[numbers])])
+                counts += [stage.drawn.vertices] * len(numbers)
+        positions, normals = (np.concatenate(each) for each in zip(*found, strict=True))
+        columns = {"vertex_positions": positions, "vertex_normals": normals}
+        frames.send(stream, path, rr.Mesh3D, columns, block=block, counts=np.array(counts))
         let_go(take.positions)
-    for first, triangles in changes.items():
-        later = np.searchsorted(frames.numbers, first)
-        if later < len(frames.numbers):
-            frames.send(stream, path, rr.Mesh3D, {"triangle_indices": triangles[None]}, block=slice(later, later + 1))
 
 
-def _alike(take: Take, numbers: NDArray[np.int64]) -> list[tuple[NDArray[np.int32], slice]]:
-    """The triangles of frames with increasing numbers, and which of these have the same."""
-    starts = [int(np.searchsorted(numbers, topology.frame)) for topology in take.topologies] or [0]
-    triangles = [topology.triangles for topology in take.topologies] or [take.triangles]
-    ends = [*starts[1:], len(numbers)]
-    return [(one, slice(start, end)) for one, start, end in zip(triangles, starts, ends, strict=True) if end > start]
+class _Stage(NamedTuple):
+    """What is drawn from one of the frames that are sent up to another, for which triangles of the cloth."""
+
+    triangles: NDArray[np.int32]
+    drawn: Drawn
+    first: int
+    end: int
+
+
+def _stages(take: Take, numbers: NDArray[np.int64]) -> list[_Stage]:
+    """What is drawn in frames with increasing numbers, one after the other."""
+    if not take.tears:
+        return [_Stage(take.triangles, drawn_of(take), 0, len(numbers))]
+    starts = [int(np.searchsorted(numbers, topology.frame)) for topology in take.topologies]
+    spans = zip(take.topologies, starts, [*starts[1:], len(numbers)], strict=True)
+    return [_Stage(t.triangles, drawn_of(take, t), first, end) for t, first, end in spans if end > first]
+
+
+def _shape(drawn: Drawn) -> dict[str, NDArray[Any]]:
+    """The components of what is drawn that stay as long as its triangles do."""
+    return {"triangle_indices": drawn.triangles, "vertex_texcoords": drawn.texcoords}
 
 
 def log_skeleton(stream: rr.RecordingStream, bones: BoneTrack, frames: Frames) -> None:

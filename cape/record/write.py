@@ -205,11 +205,21 @@ def cloth_layout(
 
 
 def log_cloth(
-    stream: rr.RecordingStream, asked: Collection[str], take: Take, cloth: ClothEntity, frames: Frames
+    stream: rr.RecordingStream,
+    asked: Collection[str],
+    take: Take,
+    cloth: ClothEntity,
+    frames: Frames,
+    *,
+    may_tear: bool = False,
+    known: NDArray[np.int32] | None = None,
 ) -> None:
-    """Put what is known of a cloth when it has been simulated on its paths, of the asked layers."""
+    """Put what is known of a cloth when it has been simulated on its paths, of the asked layers.
+
+    `may_tear` and `known` are those of `log_cape`.
+    """
     if "cape" in asked:
-        log_cape(stream, take, frames, path=cloth.path, look=cloth.look)
+        log_cape(stream, take, frames, path=cloth.path, look=cloth.look, may_tear=may_tear, known=known)
         log_clasp(stream, take, frames, path=cloth.clasp)
     if "contacts" in asked and take.contacts is not None:
         log_contacts(stream, take.contacts, take.colliders, take.thicknesses, frames, path=cloth.contacts)

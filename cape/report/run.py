@@ -16,7 +16,7 @@ from cape.report.measured import resolution
 from cape.report.measured.energy import LONGEST, Account, accounts
 from cape.report.measured.resolution import Row as SpaceRow
 from cape.report.measured.stability import Outcome, stress
-from cape.report.measured.sweep import REFERENCE_SHARE, Row, Sweep, sweep
+from cape.report.measured.sweep import REFERENCE_SHARE, Row, Sweep, shown_again, sweep
 from cape.report.measured.trajectory import Stage
 from cape.report.measured.world.rows import Row as WorldRow
 from cape.report.measured.world.trials import summed_up, trials_of
@@ -127,7 +127,8 @@ def run(
         folder: where the figures of what is done are kept until all are there; an interrupted run goes on from them.
         told: called before each scene and before each other part, with a name and the number of
             steps; gives what is called at each step.
-        keep: called with each scene's runs while they are in memory, once their figures are kept.
+        keep: called with each scene's runs while they are in memory, once their figures are kept; with runs that are
+            taken again, where an interrupted run has got no further than their figures.
 
     Raises:
         UnknownNameError: there is no scene or no solver of that name.
@@ -138,15 +139,19 @@ def run(
     if any(parts.read(name) is None for name in plan.scenes):
         compile_all(plan)
     for name in plan.scenes:
-        known = parts.read(name)
+        known, done, kept = parts.read(name), None, f"{name}, its runs"
         if known is None:
             stage = Stage(standard_scene(name), seconds=plan.seconds, reference_s=REFERENCE_SHARE * plan.scene_s)
             done = sweep(stage, plan, partial(told, name))
             known = Scene.of(done).as_json()
             parts.write(name, known)  # first of all: what `keep` writes is larger, and may not find room
+        scene = Scene.from_json(known)
+        if keep and (done is not None or parts.read(kept) is None):
+            done = done or _again(scene, plan, partial(told, f"{name}, what is recorded of it"))
             for each in keep:
                 each(done)
-        scenes.append(Scene.from_json(known))
+            parts.write(kept, {})
+        scenes.append(scene)
     outcomes: list[Outcome] = []
     advance = told("stress cases", len(plan.cases) * len(plan.solvers))
     for name in plan.cases:
@@ -161,6 +166,13 @@ def run(
     return Report(
         plan, scenes, outcomes, _space(plan, parts, told), _energy(plan, parts, told), _world(plan, parts, told)
     )
+
+
+def _again(known: Scene, plan: Plan, told: Callable[[int], Callable[[], None]]) -> Sweep:
+    """Take those runs of a scene again that are shown, of which figures are known."""
+    # These are rounded, by less than a frame's length.
+    stage = Stage(standard_scene(known.name), seconds=known.seconds + 0.5e-4)
+    return shown_again(stage, known.rows, known.uncertainty, plan, told)
 
 
 def _space(plan: Plan, parts: "_Parts", told: Told) -> list[SpaceRow]:

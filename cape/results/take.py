@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cape.cloth.cloth import Cloth
 from cape.measure.contact_points import ContactPoints
 from cape.results.loop import Loop
-from cape.results.topology import Topology
+from cape.results.topology import Topology, since
 from cape.scene.colliders import Collider
 from cape.scene.scene import Scene
 from motions.border import checked
@@ -133,6 +133,31 @@ class Take:
         """Vertex indices of the T triangles in a frame, shape (T, 3)."""
         known = [topology.triangles for topology in self.topologies if topology.frame <= frame]
         return known[-1] if known else self.triangles
+
+    def part(self, first: int, end: int) -> "Take":
+        """The frames from one on, which is frame 0 of the part, up to another that is no more part of it.
+
+        What is told of the run as a whole, such as its times, its tears and its warnings, is still that of all of it.
+
+        Raises:
+            ValueRangeError: no frame would be left, or the first is negative.
+        """
+        bones, kept = self.bones.part(first, end), slice(first, end)
+        topologies = since([topology for topology in self.topologies if topology.frame < end], first)
+        return replace(
+            self,
+            bones=bones,
+            triangles=topologies[0].triangles if topologies else self.triangles,
+            positions=self.positions[kept],
+            stretch_max=self.stretch_max[kept],
+            penetration=self.penetration[kept],
+            penetrated=self.penetrated[kept],
+            kinetic_energy=self.kinetic_energy[kept],
+            contacts=None if self.contacts is None else self.contacts.select(np.arange(first, first + bones.frames)),
+            jumps=tuple(frame - first for frame in self.jumps if first <= frame < end),
+            renewed=tuple(frame - first for frame in self.renewed if first <= frame < end),
+            topologies=topologies,
+        )
 
     @property
     def thicknesses(self) -> FloatArray:

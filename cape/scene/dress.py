@@ -43,7 +43,7 @@ def dress(
     colliders: Sequence[Collider] | None = None,
     wind: Wind | None = None,
     self_contact: bool | SelfContact | None = None,
-    strain_limit: bool = True,
+    strain_limit: bool | None = None,
     hold: Mapping[str, str] | None = None,
     tearing: Tearing | None = None,
 ) -> Scene:
@@ -68,7 +68,7 @@ def dress(
             garment falls in folds whose layers meet.
         hold: bones, by name or role, that hold parts of the garment where it is put on, by the names of its regions, as
             {"collar": "neck"}: in place of the bone that does by itself, if any. What another part already holds stays.
-        strain_limit: whether threads stop stretching at the limits of their fabric; never where they may part.
+        strain_limit: whether threads stop stretching at the limits of their fabric; None for unless they may part.
         tearing: when the cloth parts; None for never.
 
     Raises:
@@ -90,7 +90,7 @@ def dress(
     colliders = body.capsules() if colliders is None else tuple(colliders)
     fitted = Fitted(body, colliders)
     floor = floor_of(body, colliders, track)
-    room = room_on_all_fours(track, float(floor.point[2])) if length is None else None
+    room = _room(body, track, colliders, floor) if length is None else None
     worn = kind.fit(fitted, Measures(length=length, flare=flare, spacing=spacing, fabric=fabric, room=room))
     hold = hold or {}
     worn = worn._replace(holds=tuple(own for own in worn.holds if own.region not in hold))
@@ -105,7 +105,7 @@ def dress(
         self_contact=self_contact_of(worn.layered if self_contact is None else self_contact),
         thickness=Scene.thickness if worn.thickness is None else worn.thickness,
         confinements=[confine(worn.cloth, k.bone, k.vertices, max_distance=k.most) for k in worn.kept],
-        strain_limit=strain_limit and tearing is None and worn.cloth.has_threads,
+        strain_limit=(tearing is None if strain_limit is None else strain_limit) and worn.cloth.has_threads,
         tearing=tearing,
         wearer=(beginning_of(body, WEARER_ROLES[0]), beginning_of(body, WEARER_ROLES[1]), WEARER_ROLES[2]),
     )
@@ -115,6 +115,15 @@ def dress(
         return scene
     pose = zip(*worn.put_on.pose(scene.bones), strict=True)
     return replace(scene, dressing=dict(zip(scene.bones, pose, strict=True)))
+
+
+def _room(body: "Skeleton", track: BoneTrack, colliders: Sequence[Collider], floor: Plane) -> float | None:
+    """How long a cape may be above the floor [m], of a body that goes on all fours throughout the whole motion."""
+    room = room_on_all_fours(track, float(floor.point[2]))
+    if room is None or body.whole is None:
+        return room
+    whole = body.track(body.whole)
+    return room_on_all_fours(whole, float(floor_of(body, colliders, whole).point[2]))
 
 
 def _attachments(worn: Worn, hold: Mapping[str, str]) -> list[Attachment]:

@@ -21,6 +21,7 @@ import motions
 import skeleton
 from tests.support.command import CAPE, Forks
 from tests.support.processes import mistake_told
+from tests.support.takes import cloth_frames
 
 if sys.platform == "win32":
     pytest.skip("needs a terminal of its own", allow_module_level=True)
@@ -165,30 +166,61 @@ def test_however_it_ends_what_was_recorded_is_complete(way: str, tmp_path: Path)
     assert not list(tmp_path.glob(".*part*"))
 
 
-def test_a_full_disk_ends_the_recording_and_not_the_run(tmp_path: Path):
-    """As though next to nothing were free: the run goes on, and what fits is written."""
+def on_a_full_disk(how: str, *, output: str, folder: Path) -> "subprocess.CompletedProcess[str]":
+    """Record a sheet for a second and a half, after some lines that have the disk fill up."""
     script = (
-        "import collections, shutil, sys\n"
-        "usage = collections.namedtuple('usage', 'total used free')\n"
-        "asked = []\n"
-        "def full(path):\n"
-        "    asked.append(path)\n"
-        "    return usage(10**12, 10**12, 10**9 if len(asked) < 4 else 10**7)\n"
-        "import cape.cli.live.command as command\n"
-        "command.shutil = type('s', (), {'disk_usage': staticmethod(full)})\n"
+        f"{how}\n"
+        "import sys\n"
         "sys.argv = ['cape', 'live', '--no-viewer', '--scene', 'sheet', '--spacing', '0.1', '--seconds', '1.5',"
-        " '-o', 'run.npz', '--json']\n"
+        f" '-o', '{output}', '--json']\n"
         "from cape.cli import main\n"
         "main()\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True,
-        timeout=LONG,
+    return subprocess.run(
+        [sys.executable, "-c", script], cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True,
+        timeout=LONG, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+
+
+EARLY = """
+import collections, itertools, shutil
+usage, asked = collections.namedtuple('usage', 'total used free'), itertools.count(1)
+shutil.disk_usage = lambda path: usage(10**12, 10**12, 10**9 if next(asked) < 4 else 10**7)
+"""
+LATE = """
+import resource
+import cape.cli.live.command as command
+write = command.write_what_fits
+def limited(*arguments, **named):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (MOST, MOST))
+    return write(*arguments, **named)
+command.write_what_fits = limited
+"""
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_run(tmp_path: Path):
+    """As though next to nothing were free: the run goes on, and what fits is written."""
+    done = on_a_full_disk(EARLY, output="run.npz", folder=tmp_path)
+    assert done.returncode == 2, done.stderr
     assert "recording stopped" in done.stderr
-    kept = len(cape.Take.load(tmp_path / "run.npz").positions)
-    assert 2 <= kept < json.loads(done.stdout)["frames"]
+    kept, of = len(cape.Take.load(tmp_path / "run.npz").positions), json.loads(done.stdout)["frames"] + 1
+    assert 2 <= kept < of
+    told = f"cape: can't write all of run.npz: the disk was nearly full after {kept} of {of} frames"
+    assert done.stderr.splitlines()[-1] == told
+
+
+@pytest.mark.parametrize(("name", "most"), [("run.rrd", 4_150_000), ("run.npz", 60_000)])
+def test_a_disk_that_is_full_when_it_is_written_leaves_what_fits(tmp_path: Path, name: str, most: int):
+    """A recording needs 4 MB besides its cloth."""
+    done = on_a_full_disk(LATE.replace("MOST", str(most)), output=name, folder=tmp_path)
+    assert done.returncode == 2, done.stderr
+    path, of = tmp_path / name, json.loads(done.stdout)["frames"] + 1
+    frames = cloth_frames(path) if path.suffix == ".rrd" else len(cape.Take.load(path).positions)
+    assert 2 <= frames < of
+    told = done.stderr.splitlines()[-1]
+    assert told.startswith(f"cape: can't write all of {name}: ")
+    assert f" {frames} " in told
+    assert [each.name for each in tmp_path.iterdir()] == [name]
 
 
 def test_mistakes_are_told_in_a_line(tmp_path: Path):

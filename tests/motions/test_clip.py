@@ -136,6 +136,17 @@ def test_trim_keeps_the_frames_within():
     assert clip.trim(end=clip.duration).frames == 11
 
 
+def test_a_part_knows_the_whole_unless_it_is_of_another_body():
+    clip = make_clip(frames=11, moving=True)
+    assert clip.whole is None
+    part = clip.trim(0.25, 0.7).resample(20.0).trim(0.1)
+    assert part.whole is clip
+    assert replace(part, name="other", fps=30.0).whole is clip
+    assert replace(part, offsets=2.0 * part.offsets).whole is None  # its joints' places are their own
+    assert replace(part, offsets=2.0 * part.offsets, local_positions=None).whole is clip
+    assert replace(part, joints=tuple(f"{joint}_" for joint in part.joints)).whole is None
+
+
 @pytest.mark.parametrize(("start", "end"), [(-0.1, 0.2), (0.3, 0.2), (0.0, 1.5), (0.21, 0.29), (np.nan, 0.2)])
 def test_trim_refuses_what_is_not_in_the_clip(start, end):
     with pytest.raises(ValueRangeError, match="tumble"):

@@ -1,9 +1,12 @@
 """Recordings that are written while a cloth is simulated: the same as those written at the end, as far as they fit."""
 
 import os
+import re
+import resource
 import signal
 import subprocess
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,11 +15,16 @@ import pytest
 import rerun as rr
 
 import cape
+import motions
+from cape.meshes.embedding import embedded
 from cape.record import save
 from cape.record.growing import growing_file
 from cape.results.so_far import StopRun
+from cape.scene.standard_scenes import StandardScene
+from cape.scene.tearing_scenes import torn
 from skeleton.track import BoneTrack
 from tests.support.command import CAPE
+from tests.support.takes import cloth_frames
 
 FRAMES = 30
 SHEET = cape.Cloth.rectangle(width=0.4, height=0.4, spacing=0.1, fabric=cape.Fabric(stretch=100.0, shear=20.0))
@@ -60,6 +68,64 @@ def test_it_holds_what_is_written_at_the_end(tmp_path: Path, monkeypatch: pytest
     save(take, tmp_path / "saved.rrd")
     assert take.contacts is not None
     assert len(take.contacts.points)
+    assert rows(tmp_path / "grown.rrd") == rows(tmp_path / "saved.rrd")
+
+
+@pytest.fixture(scope="module")
+def tearing() -> StandardScene:
+    """A sheet that is whole at first, and is then torn by a ball."""
+    return torn(spacing=0.1, seconds=0.6)
+
+
+@pytest.mark.parametrize("together", [1, 7, 1000])
+def test_so_it_does_of_what_tears(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tearing: StandardScene, together: int
+):
+    scene, track = tearing.scene, tearing.track
+    monkeypatch.setattr("cape.record.growing.BYTES_PER_CHUNK", 24 * scene.cloth.vertices * together)
+    with growing_file(tmp_path / "grown.rrd", scene, track, name="take") as file:
+        take = cape.simulate(scene, track, on_frame=file.note)
+        file.finish(take)
+    save(take, tmp_path / "saved.rrd")
+    found = rows(tmp_path / "grown.rrd")
+    assert found == rows(tmp_path / "saved.rrd")
+    # Each frame has the vertices that there are by then, and each change what belongs to all of them.
+    last = len(take.positions) - 1
+    counts = {frame: len(row) for (frame, _), row in found["/world/cape", "Mesh3D:vertex_positions"].items()}
+    shapes = found["/world/cape", "Mesh3D:vertex_texcoords"]
+    assert {frame: len(row) for (frame, _), row in shapes.items()} == {
+        topology.frame: counts[topology.frame] for topology in take.topologies
+    }
+    assert len(take.topologies) > 2
+    assert (counts[0], counts[last]) == (scene.cloth.vertices, take.positions.shape[1])
+    assert counts[0] < counts[last]
+
+
+def test_a_finer_mesh_is_drawn_until_it_tears(tmp_path: Path):
+    """Its triangles would span the tear."""
+    points, corners = SHEET.positions, SHEET.triangles
+    apart = np.arange(3 * len(corners)).reshape(-1, 3)
+    cloth = replace(SHEET, visual=embedded(points[corners].reshape(-1, 3), apart, None, points, corners))
+    scene = replace(hung(tearing=cape.Tearing(force=0.05)), cloth=cloth)
+    take = cape.simulate(scene, moved(), settle=0.0)
+    save(take, tmp_path / "saved.rrd", layers="cape")
+    found = rows(tmp_path / "saved.rrd")["/world/cape", "Mesh3D:vertex_positions"]
+    counts = [len(found[key]) for key in sorted(found)]
+    first = take.topologies[1].frame
+    assert first > 0
+    assert counts[:first] == [3 * len(corners)] * first
+    assert counts[first] == len(take.topologies[1].parents)
+
+
+@pytest.mark.parametrize("together", [7, 1000])
+def test_a_loop_is_written_when_its_frames_are_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, together: int):
+    monkeypatch.setattr("cape.record.growing.BYTES_PER_CHUNK", 24 * SHEET.vertices * together)
+    monkeypatch.setattr("cape.run.looping.MOST_ROUNDS", 2)
+    scene, track = hung(), moved()
+    take = cape.simulate(scene, track, loop=True)
+    with growing_file(tmp_path / "grown.rrd", scene, track, name="take") as file:
+        file.finish(take)
+    save(take, tmp_path / "saved.rrd")
     assert rows(tmp_path / "grown.rrd") == rows(tmp_path / "saved.rrd")
 
 
@@ -117,6 +183,18 @@ def test_what_there_is_no_room_for_is_left_out_and_told(tmp_path: Path, monkeypa
         assert len(found[column]) == 10
 
 
+def test_as_many_frames_are_written_as_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Room for the half of thirty frames, which are handed over together."""
+    scene, track = hung(), moved()
+    with growing_file(tmp_path / "grown.rrd", scene, track, name="take", layers="cape") as file:
+        take = cape.simulate(scene, track)
+        free = file._needed(take, 16)
+        monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=free))
+        file.finish(take)
+    assert file.full == f"{free / 1e6:.3g} MB are free, too little for more than 15 frames"
+    assert len(rows(tmp_path / "grown.rrd")["/world/cape", "Mesh3D:vertex_positions"]) == 15
+
+
 def test_a_file_that_takes_no_more_is_an_error_and_no_wait(tmp_path: Path):
     """What Rerun's own writer meets with silence, and whoever flushes it then with a wait without end."""
     script = """
@@ -144,11 +222,12 @@ def test_a_run_that_is_stopped_says_why():
     assert (take.result, take.warnings[0], len(take.positions)) == ("stopped at frame 4", "enough", 4)
 
 
-@pytest.mark.few("15")
+@pytest.mark.few("15-sheet", "15-torn")
+@pytest.mark.parametrize("scene", ["sheet", "torn"])
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_command_that_is_told_to_end_keeps_what_is_done(tmp_path: Path, number: signal.Signals):
+def test_a_command_that_is_told_to_end_keeps_what_is_done(tmp_path: Path, number: signal.Signals, scene: str):
     process = subprocess.Popen(
-        [CAPE, "replay", "--scene", "sheet", "--fps", "1000", "-o", "part.rrd"],
+        [CAPE, "replay", "--scene", scene, "--fps", "1000", "-o", "part.rrd"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
@@ -160,6 +239,57 @@ def test_a_command_that_is_told_to_end_keeps_what_is_done(tmp_path: Path, number
     _, told = process.communicate(timeout=120)
     assert process.returncode == 128 + number, told
     assert [path.name for path in tmp_path.iterdir()] == ["part.rrd"]
-    chunks = rr.chunk.RrdReader(tmp_path / "part.rrd").stream().filter(content="/world/cape")
-    frames = [chunk.num_rows for chunk in chunks if "Mesh3D:vertex_positions" in chunk.to_record_batch().schema.names]
-    assert sum(frames) > 1
+    assert cloth_frames(tmp_path / "part.rrd") > 1
+
+
+INTERRUPTED = """
+import os, signal, sys
+from cape.cli import main
+from cape.record.growing import GrowingFile
+from cape.run.looping import Laps
+
+def raises(owner, name, when):
+    before = getattr(owner, name)
+    def after(*given):
+        result = before(*given)
+        if when(*given):
+            os.kill(os.getpid(), signal.SIGINT)
+        return result
+    setattr(owner, name, after)
+
+where = sys.argv.pop(1)
+if where == "in the second round":
+    raises(Laps, "_tell", lambda laps, progress, rounds, done: rounds == 2 and done == 5)
+else:
+    raises(GrowingFile, "_write", lambda file, part: True)
+main()
+"""
+LOOP = ("replay", "walk", "--loop", "--end", "0.5", "--garment", "back_cape", "--spacing", "0.1", "-o", "loop.rrd")
+LOOP_FRAMES = 1 + round(0.5 * motions.load("walk").fps)
+
+
+@pytest.mark.parametrize("where", ["in the second round", "while it is written"])
+def test_ctrl_c_leaves_a_loop_as_far_as_it_was_done(tmp_path: Path, where: str):
+    done = subprocess.run(
+        [CAPE.with_name("python"), "-c", INTERRUPTED, where, *LOOP],
+        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 130, done.stderr
+    assert done.stderr.splitlines()[-1] == "cape: interrupted"
+    assert [path.name for path in tmp_path.iterdir()] == ["loop.rrd"]
+    assert cloth_frames(tmp_path / "loop.rrd") == LOOP_FRAMES
+
+
+def test_a_full_disk_leaves_of_a_loop_what_fits(tmp_path: Path):
+    limit = 4_220_000
+    done = subprocess.run(
+        [CAPE, *LOOP],
+        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    frames = cloth_frames(tmp_path / "loop.rrd")
+    told = rf"cape: can't write all of loop.rrd: 4\.\d+ MB are free, too little for more than {frames} frames"
+    assert re.fullmatch(told, done.stderr.splitlines()[-1])
+    assert 0 < frames < LOOP_FRAMES

@@ -119,16 +119,51 @@ def test_a_bone_holds_the_parts_of_a_garment_that_it_is_asked_to():
         cape.dress(body, track, hold={"collar": "wing"})
 
 
-def on_all_fours(frames: int = 2) -> tuple[Skeleton, BoneTrack]:
+def cut_for(clip: motions.Clip, garment: str) -> np.ndarray:
+    """The pattern of a garment for the body that moves in a clip [m], and where it is put on, shape (V, 5)."""
+    body = Skeleton.from_clip(clip)
+    cloth = cape.dress(body, body.track(clip), garment=garment, spacing=0.08).cloth
+    return np.hstack([cloth.pattern, cloth.positions])
+
+
+@pytest.mark.parametrize("garment", cape.GARMENTS)
+def test_a_garment_is_cut_the_same_whichever_part_of_a_motion_is_shown(garment: str):
+    """A spin begins with arms that hang, and goes on with arms stretched out."""
+    spin = motions.load("spin")
+    parts = [spin.trim(0.0, 0.3), spin.trim(1.0).resample(25.0)]
+    whole = cut_for(spin, garment)
+    assert all(np.array_equal(cut_for(part, garment), whole) for part in parts)
+
+
+def test_so_is_a_cape_on_all_fours():
+    """It crouches lower and lower, and so gets nearer to the floor."""
+    clip = crawling(frames=30)
+    clip = replace(clip, root_positions=clip.root_positions - np.linspace(0.0, 0.3, 30)[:, None] * [0.0, 0.0, 1.0])
+    first, last = clip.trim(0.0, 0.2), clip.trim(0.3)
+    whole = cut_for(clip, "back_cape")
+    assert all(np.array_equal(cut_for(part, "back_cape"), whole) for part in (first, last))
+    alone = [cut_for(replace(part, whole=None), "back_cape") for part in (first, last)]
+    assert not any(np.array_equal(cut, whole) for cut in alone)
+    # One that stands up in another part of the motion has all of its cape.
+    upright = figure(frames=30)
+    stands = replace(clip, rotations_wxyz=np.concatenate([clip.rotations_wxyz[:20], upright.rotations_wxyz[20:]]))
+    assert np.array_equal(cut_for(stands.trim(0.0, 0.2), "back_cape"), cut_for(stands, "back_cape"))
+
+
+def crawling(frames: int = 2) -> motions.Clip:
     """A person whose trunk is level, with arms and thighs straight down."""
     upright = figure(frames=frames)
     rotations, down = upright.rotations_wxyz.copy(), np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0])
     rotations[:, 0] = down * [1, -1, 1, 1]
     for joint in ("LeftArm", "RightArm", "LeftUpLeg", "RightUpLeg"):
         rotations[:, upright.joints.index(joint)] = down
-    clip = replace(upright, rotations_wxyz=rotations)
-    # Its roles and its measures are those of the clip in which it stands.
-    return Skeleton.from_clip(upright), Skeleton.from_clip(upright).track(clip)
+    return replace(upright, rotations_wxyz=rotations)
+
+
+def on_all_fours(frames: int = 2) -> tuple[Skeleton, BoneTrack]:
+    """One that crawls, with the roles and the measures of one that stands."""
+    body = Skeleton.from_clip(figure(frames=frames))
+    return body, body.track(crawling(frames))
 
 
 def test_a_cape_on_all_fours_ends_above_the_floor():

@@ -1,8 +1,10 @@
-"""Takes made by hand, for what is measured from positions alone."""
+"""Takes made by hand, for what is measured from positions alone, and what is in a recording of one."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
+import rerun as rr
 from numpy.typing import ArrayLike
 
 from cape.results.take import Take
@@ -46,3 +48,9 @@ def take_of(
         settle_s=0.0,
         solve_s=0.0,
     )
+
+
+def cloth_frames(path: Path) -> int:
+    """How many frames of its cloth are in a recording."""
+    chunks = rr.chunk.RrdReader(path).stream().filter(content="/world/cape")
+    return sum(c.num_rows for c in chunks if "Mesh3D:vertex_positions" in c.to_record_batch().schema.names)

@@ -7,7 +7,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -59,7 +59,11 @@ class Asked:
 
 
 def run(clips: Sequence[str], asked: Asked, *, json: bool) -> int:
-    """Do all that doesn't stand complete, and tell; the exit status is 0 where all is done, 1 where a run failed."""
+    """Do all that doesn't stand complete, and tell; the exit status is 0 where all is done, 1 where a run failed.
+
+    Raises:
+        UserError: something is asked for that is not, or a run, or what is told of all, can't be written.
+    """
     tasks = _planned(clips, asked)
     results = Results(asked.output, tasks, shlex.join(["cape", *sys.argv[1:]]))
     began = time.monotonic()
@@ -78,8 +82,12 @@ def run(clips: Sequence[str], asked: Asked, *, json: bool) -> int:
         for task in tasks:
             remove_left(task.own_folder)
         if results.outcomes:
-            results.write()
-            _tell(results, json=json)
+            try:
+                results.write()
+            finally:
+                _tell(results, json=json)
+    if unwritten := [outcome.error for _, outcome in results.rows() if outcome.unwritten]:
+        raise FileError(f"{len(unwritten)} of {len(tasks)} runs are not whole: {unwritten[0]}")
     return 1 if results.count(FAILED) else 0
 
 
@@ -91,7 +99,8 @@ def _tell(results: Results, *, json: bool) -> None:
     told = f"{results.count(DONE)} of {len(results.tasks)}"
     if failed := results.count(FAILED):
         told += f", {failed} failed"
-    where = [("page", str(results.folder / PAGE)), ("figures", str(results.folder / RESULTS))]
+    files = (("page", results.folder / PAGE), ("figures", results.folder / RESULTS))
+    where = [(what, str(path)) for what, path in files if path.is_file()]
     print_rows([("done", told), *(("", note) for note in results.notes), *where])
 
 
@@ -151,7 +160,8 @@ def _simulate(tasks: Sequence[Task], asked: Asked, results: Results, began: floa
             _say(f"{number} of {of}: {task.name}, {how}, {outcome.seconds:.1f} s")
             if time.monotonic() - written > BETWEEN_PAGES:
                 results.wall_s = time.monotonic() - began
-                results.write()
+                with suppress(FileError):  # it is told at the end, when there may be room again
+                    results.write()
                 written = time.monotonic()
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from cape.cli.batch.page import PICTURE_SIZE
 from cape.cli.batch.plan import Task
 from cape.cli.batch.results import PICTURE
-from cape.cli.batch.task import last_line, run_cape
+from cape.cli.batch.task import last_line, run_cape, why
 from cape.cli.exports.writing import RECORDED
 
 SIDES = ("back", "front")
@@ -28,10 +28,13 @@ def draw(task: Task, stopped: Callable[[], bool]) -> str:
     picture, said = task.own_folder / PICTURE, task.own_folder / SAID
     picture.unlink(missing_ok=True)
     command = ["render", str(task.output), "-o", str(picture), *(f"--from={side}" for side in SIDES), "--size", _SIZE]
-    status, _ = run_cape(command, place=task.own_folder, said=said, stopped=stopped)
-    error = "" if status == 0 else last_line(said)
-    said.unlink()
-    return error
+    try:
+        status, _ = run_cape(command, place=task.own_folder, said=said, stopped=stopped)
+        return "" if status == 0 else last_line(said)
+    except OSError as error:
+        return why(error)
+    finally:
+        said.unlink(missing_ok=True)
 
 
 def _is_drawn(task: Task) -> bool:

@@ -42,6 +42,11 @@ class Outcome:
     seconds: float = 0.0
     attempts: int = 0
 
+    @property
+    def unwritten(self) -> bool:
+        """Whether there was no place to write to, as on a full disk."""
+        return self.status == FAILED and self.error.startswith("can't write ")
+
 
 def complete(task: Task) -> Outcome | None:
     """What stands in the task's folder, where that is of the same options, inputs and version, and all there."""
@@ -72,7 +77,14 @@ def do(task: Task, stopped: Callable[[], bool]) -> Outcome:
             write_text(task.own_folder / SUMMARY, json.dumps(text))
         return outcome
     except (OSError, UserError) as error:
-        return replace(failed(task, str(error)), seconds=round(time.monotonic() - began, 2))
+        return replace(failed(task, why(error)), seconds=round(time.monotonic() - began, 2))
+
+
+def why(error: OSError | UserError) -> str:
+    """What went wrong, in a line."""
+    if isinstance(error, UserError):
+        return str(error)
+    return f"can't write {error.filename or 'temporary files'}: {error.strerror}"
 
 
 def failed(task: Task, error: str) -> Outcome:
@@ -150,8 +162,8 @@ def _attempted(task: Task, stopped: Callable[[], bool]) -> Outcome:
             return Outcome(task.name, DONE if whole else FAILED, "" if whole else facts["result"], facts, 0.0, attempt)
     if status is None or stopped():
         return Outcome(task.name, STOPPED, "stopped before it was done", attempts=attempt)
-    why = f"its process was killed {attempt} times, by signal {-status}" if status < 0 else last_line(said)
-    return Outcome(task.name, FAILED, why, attempts=attempt)
+    told = f"its process was killed {attempt} times, by signal {-status}" if status < 0 else last_line(said)
+    return Outcome(task.name, FAILED, told, attempts=attempt)
 
 
 def _identity(task: Task) -> dict[str, Any]:

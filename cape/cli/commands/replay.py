@@ -19,7 +19,7 @@ from cape.cli.figures.rows import print_rows
 from cape.cli.figures.tearing import tearing_facts, tearing_rows
 from cape.cli.output import open_viewer, output_path
 from cape.cli.reading import Reading, named_pairs
-from cape.cli.running import simulated
+from cape.cli.running import ended_before_interrupts, simulated
 from cape.cli.scenes.file import SceneFile
 from cape.cli.scenes.meshes import MeshOptions, mesh_scene
 from cape.cli.scenes.tables import NONE, Tables
@@ -68,7 +68,7 @@ class Cut:
     shelter: bool = False
     cuts: str = "carry"
     self_contact: bool | None = None
-    strain_limit: bool = True
+    strain_limit: bool | None = None
     hold: tuple[str, ...] = ()
     tear: float | None = None
     tear_force: float | None = None
@@ -213,11 +213,12 @@ def run(
     """Simulate, record, report; gives the exit status."""
     require_writable(output or Path("x.rrd"), recorded_only={"--layers": layers is not None, "--spawn": spawn})
     who, path = prepared(reading, cut, scene=scene, output=output, hitboxes=hitboxes, layers=layers, tab=tab)
-    with begun(path, who, loop=cut.loop, layers=layers, tab=tab) as end:
+    with ended_before_interrupts() as begin_to_end, begun(path, who, loop=cut.loop, layers=layers, tab=tab) as end:
         take = simulated(
             who.scene, who, solver=cut.method(), cuts=cut.way_at_cuts(), check_steps=check, loop=cut.loop,
             on_frame=end.on_frame, modules=end.modules,
         )  # fmt: skip
+        begin_to_end()
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             end.finish(take)
@@ -238,7 +239,7 @@ def run(
     if spawn:
         open_viewer(path)
     if (full := end.full()) is not None:
-        raise FileError(f"{path} ends before the motion does: {full}")
+        raise FileError(f"can't write all of {path}: {full}")
     return 130 if take.result.startswith("stopped") else 0
 
 

@@ -12,6 +12,7 @@ from cape.cli.staging import Staged
 from cape.record.files.sink import room_at
 from cape.results.so_far import SoFar
 from cape.results.take import Take
+from cape.scene.scene import Scene
 from motions.errors import FileError, UserError
 from motions.skin import Skin
 from skeleton.robot.link_surfaces import LinkSurface
@@ -87,6 +88,34 @@ def write(
     return _kind(path)
 
 
+def write_what_fits(
+    take: Take, path: Path, scene: Scene, *, surfaces: Sequence[LinkSurface] = ()
+) -> tuple[str, str | None]:
+    """Write a take of a scene as its path's suffix tells, or as many of its first frames as there is room for.
+
+    Returns:
+        What that is, in a word, and why it does not hold all frames; None where it does.
+
+    Raises:
+        UserError: not even two frames can be written.
+    """
+    if (kind := _kind(path)) == "recording":
+        from cape.record.growing import growing_file
+
+        with growing_file(path, scene, take.bones, name=take.name, surfaces=surfaces, whole=False) as file:
+            file.finish(take)
+        return kind, file.full
+    fits = of = len(take.positions)
+    while True:
+        try:
+            write(take.part(0, fits), path, surfaces=surfaces)
+            return kind, None if fits == of else f"the first {fits} of {of} frames are written, more did not fit"
+        except FileError:
+            fits //= 2
+            if fits < 2:
+                raise
+
+
 def _with_skin(take: Take, skin: Skin | None) -> Take:
     """The take with its character's mesh, where its bones tell of none."""
     if take.bones.skin is not None:
@@ -103,8 +132,8 @@ def _kind(path: Path) -> str:
 def begun(path: Path, who: Staged, *, loop: bool, layers: Sequence[str] | None, tab: str = "cape") -> Iterator[Output]:
     """Begin what the path's suffix tells, a recording by default; it is whole when the block ends.
 
-    A recording is written while frames come, but for a loop and for a cloth that tears: what these are like is known
-    at the end.
+    A recording is written while frames come; that of a loop, whose frames are known at the end, as far as there is room
+    then.
 
     Raises:
         UserError: it can't be written.
@@ -112,19 +141,20 @@ def begun(path: Path, who: Staged, *, loop: bool, layers: Sequence[str] | None, 
     kind = _kind(path)
     if kind != "recording":
         _require_room(path, 12 * who.scene.cloth.vertices * who.track.frames)
-    if kind != "recording" or loop or who.scene.tearing is not None:
+    if kind != "recording":
 
         def finish(take: Take) -> None:
             write(take, path, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab)
 
-        yield Output(kind, finish, modules=RECORDER if kind == "recording" else ())
+        yield Output(kind, finish)
     else:
         from cape.record.growing import growing_file
 
         with growing_file(
             path, who.scene, who.track, name=who.name, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab
         ) as file:
-            yield Output(kind, file.finish, on_frame=file.note, modules=RECORDER, full=lambda: file.full)
+            note = None if loop else file.note
+            yield Output(kind, file.finish, on_frame=note, modules=RECORDER, full=lambda: file.full)
 
 
 def _require_room(path: Path, size: int) -> None:

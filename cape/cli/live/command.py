@@ -1,7 +1,6 @@
 """`cape live`: run, steer, and write what was recorded, however the run ends."""
 
 import json as json_format
-import shutil
 import signal
 import sys
 from collections.abc import Iterator
@@ -13,7 +12,7 @@ from rich.console import Console
 
 from cape.cli.commands.replay import Cut
 from cape.cli.compiling_told import telling
-from cape.cli.exports.writing import require_writable, write
+from cape.cli.exports.writing import require_writable, write_what_fits
 from cape.cli.live.bindings import Bindings
 from cape.cli.live.cast import Cast, cast
 from cape.cli.live.terminal import Terminal
@@ -24,6 +23,7 @@ from cape.cli.words import gathered
 from cape.live.feed.viewers import is_loopback
 from cape.live.keeping import Keeper
 from cape.live.live import FPS, Live
+from cape.record.files.sink import room_at
 from cape.record.write import OVERHEAD
 from cape.scenes.registry import NamedScene
 from cape.solvers import Solver
@@ -77,10 +77,12 @@ def run(
             _steer(live, who, seconds=seconds, output=output)
         finally:
             live.close()
-        status = _finish(live, output, who)
+        full = _finish(live, output, who)
     if json:
         print(json_format.dumps(_facts(live, output)))
-    return status
+    if full is not None:
+        raise FileError(f"can't write all of {output}: {full}")
+    return 0
 
 
 def _steer(live: Live, who: Cast, *, seconds: float | None, output: Path | None) -> None:
@@ -92,7 +94,7 @@ def _steer(live: Live, who: Cast, *, seconds: float | None, output: Path | None)
         live.look()
         if seconds is not None and live.status.clock >= seconds:
             live.end("")
-        if live.keeper is not None and output is not None and _is_full(live.keeper, output):
+        if live.keeper is not None and output is not None and not live.kept_enough and _is_full(live.keeper, output):
             live.stop_keeping("the disk is nearly full: recording stopped")
 
     with telling.within(lambda text: live.say(text)):
@@ -102,40 +104,27 @@ def _steer(live: Live, who: Cast, *, seconds: float | None, output: Path | None)
 def _is_full(keeper: Keeper, output: Path) -> bool:
     """Tell whether what was kept is about all that there is room for."""
     try:
-        free = shutil.disk_usage(output.resolve().parent).free
+        free = room_at(output.resolve())
     except OSError:
         return False
     return free < OVERHEAD + WRITES * keeper.size + SPARE
 
 
-def _finish(live: Live, output: Path | None, who: Cast) -> int:
-    """Tell why it has ended, and write the recording; gives the exit status."""
-    failed = live.failed
+def _finish(live: Live, output: Path | None, who: Cast) -> str | None:
+    """Tell why it has ended, and write the recording; gives why that is not of all frames, None where it is."""
+    failed, full = live.failed, None
     if live.status.ended:
         _tell(f"ended: {live.status.ended}")
     if output is not None and live.keeper is not None:
-        _write(live, live.keeper, output, who)
+        take = live.take()
+        kind, full = write_what_fits(take, output, who.scene, surfaces=who.surfaces)
+        if full is None and live.kept_enough:
+            full = f"the disk was nearly full after {len(take.positions)} of {live.status.frame + 1} frames"
+        if full is None:
+            _tell(f"{kind} of {len(take.positions)} frames: {output}")
     if failed is not None:
         raise failed
-    return 0
-
-
-def _write(live: Live, keeper: Keeper, output: Path, who: Cast) -> None:
-    """Write all frames, or as many as there is room for."""
-    frames = keeper.frames
-    while True:
-        take = live.take(frames=frames)
-        try:
-            kind = write(take, output, layers=None, surfaces=who.surfaces)
-            break
-        except FileError as error:
-            free = shutil.disk_usage(output.resolve().parent).free
-            fits = int(frames * 0.8 * max(free - OVERHEAD, 0) / max(WRITES * keeper.size, 1))
-            if not 2 <= fits < frames:
-                raise
-            _tell(f"{error}: the first {fits} frames are written")
-            frames = fits
-    _tell(f"{kind} of {len(take.positions)} frames: {output}")
+    return full
 
 
 def _facts(live: Live, output: Path | None) -> dict[str, object]:

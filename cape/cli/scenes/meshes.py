@@ -99,4 +99,4 @@ def mesh_scene(cut: "Cut", cloth: Path, who: Character) -> Scene:
         wind=cut.air(),
         self_contact=cut.self_contact,
     )
-    return replace(scene, tearing=cut.tearing())
+    return replace(scene, tearing=cut.tearing(), strain_limit=bool(cut.strain_limit))

@@ -77,7 +77,8 @@ def _carried(take: Take, frames: Frames) -> tuple[FloatArray, FloatArray, float]
     """Where the clasp's middle is in each frame [m] (F, 3), how it is turned wxyz (F, 4), and how long it is [m]."""
     assert take.cloth is not None
     ends = take.cloth.regions["clasp"]
-    near = take.triangles[np.isin(take.triangles, ends).any(axis=1)]
+    triangles = take.cloth.triangles  # as it was cut, also where it has torn since
+    near = triangles[np.isin(triangles, ends).any(axis=1)]
     used, local = np.unique(near, return_inverse=True)
     places = np.empty((len(frames.numbers), len(used), 3))
     for block in frames.blocks(take.positions[0].nbytes):

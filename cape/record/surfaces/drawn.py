@@ -12,6 +12,7 @@ from cape.cloth.looks.look import Look
 from cape.cloth.looks.sewn import texture_of
 from cape.cloth.normals import vertex_normals
 from cape.record.surfaces.textures import plain
+from cape.results.topology import Topology
 
 if TYPE_CHECKING:
     from cape.results.take import Take
@@ -32,13 +33,14 @@ class Drawn(NamedTuple):
     texcoords: FloatArray
     visual: Visual | None
 
-    def at(self, positions: FloatArray, triangles: NDArray[np.int32] | None = None) -> tuple[FloatArray, FloatArray]:
+    def at(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Places [m] and unit normals of its vertices, (F, V, 3) each, from those of the simulated ones, (F, n, 3).
 
-        `triangles` are the simulated ones in those frames, where tears change them.
+        There may be more of the latter than there are in these frames.
         """
         if self.visual is None:
-            return positions, vertex_normals(positions, self.triangles if triangles is None else triangles)
+            places = positions[:, : self.vertices]
+            return places, vertex_normals(places, self.triangles)
         places, whole = self.visual.places(positions), self.visual.whole
         return places, vertex_normals(places, whole[self.triangles])[:, whole]
 
@@ -48,17 +50,19 @@ class Drawn(NamedTuple):
         return len(self.texcoords)
 
 
-def drawn_of(take: Take) -> Drawn:
-    """The mesh that is drawn for a take's cloth."""
-    cloth = take.cloth
+def drawn_of(take: Take, topology: Topology | None = None) -> Drawn:
+    """The mesh that is drawn for a take's cloth, in the frames of one of its topologies where it has several."""
+    cloth, triangles, texcoords = take.cloth, take.triangles, take.texcoords
+    if topology is not None:
+        triangles, texcoords = topology.triangles, take.texcoords[: len(topology.parents)]
     # The triangles of a finer mesh would span tears.
-    visual = None if cloth is None or take.tears else cloth.visual
+    visual = None if cloth is None or len(texcoords) > cloth.vertices else cloth.visual
     if cloth is None or visual is None:
-        return Drawn(take.triangles, take.texcoords, None)
-    texcoords = visual.uv if cloth.textures is not None else None
-    if texcoords is None:
-        texcoords = np.einsum("vck,vc->vk", take.texcoords[visual.corners], visual.shares).astype(np.float32)
-    return Drawn(visual.triangles, texcoords, visual)
+        return Drawn(triangles, texcoords, None)
+    own = visual.uv if cloth.textures is not None else None
+    if own is None:
+        own = np.einsum("vck,vc->vk", texcoords[visual.corners], visual.shares).astype(np.float32)
+    return Drawn(visual.triangles, own, visual)
 
 
 def texture_drawn(take: Take, look: Look) -> NDArray[np.uint8]:

@@ -19,7 +19,7 @@ from cape.report.measured.accuracy import SURE, converge, error_of, window_error
 from cape.report.measured.clock import Clock, Timing, quickest
 from cape.report.measured.energy import Account, accounts
 from cape.report.measured.stability import Outcome
-from cape.report.measured.sweep import Row, sweep
+from cape.report.measured.sweep import Row, Sweep, sweep
 from cape.report.measured.trajectory import EXACT, Setting, Stage, Trajectory
 from cape.report.plan import Plan
 from cape.report.run import PARTS, Scene, forget_parts
@@ -267,22 +267,37 @@ def test_an_interrupted_report_goes_on_where_it_was(tmp_path: Path, monkeypatch:
 def test_what_was_measured_is_kept_where_its_recording_can_not_be_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    measured: list[str] = []
+    """Then the runs that are recorded are taken again, and nothing is measured twice."""
+    swept, offered, written = [], [], []
 
-    def build(name: str) -> StandardScene:
-        measured.append(name)
-        return dataclasses.replace(swinging(spacing=0.2, seconds=0.3), name=name)
-
-    def full(done) -> None:
+    def full(done: Sweep) -> None:
+        offered.append(done)
         raise FileError("can't write it: No space left on device")
 
-    monkeypatch.setattr(run, "standard_scene", build)
+    def once(stage: Stage, *rest: Any) -> Sweep:
+        swept.append(stage)
+        return sweep(stage, *rest)
+
+    monkeypatch.setattr(run, "standard_scene", lambda name: dataclasses.replace(small_swing(), name=name))
     monkeypatch.setattr(run, "compile_all", lambda plan: None)
-    plan = dataclasses.replace(TINY, scenes=("first",), solvers=("euler",), cases=())
-    with pytest.raises(FileError):
-        run.run(plan, tmp_path, keep=(full,))
-    assert [found.name for found in run.run(plan, tmp_path, keep=(full,)).scenes] == ["first"]
-    assert measured == ["first"]
+    monkeypatch.setattr(run, "sweep", once)
+    plan = dataclasses.replace(TINY, scenes=("first",), cases=())
+    for _ in range(2):
+        with pytest.raises(FileError):
+            run.run(plan, tmp_path, keep=(full,))
+    found = run.run(plan, tmp_path, keep=(written.append,))
+    assert (len(swept), len(offered), len(written)) == (1, 2, 1)
+    assert [each.name for each in found.scenes] == ["first"]
+    before, (after,) = offered[0], written
+    assert list(after.shown) == list(before.shown) == ["euler", "xpbd"]
+    pairs = [(before.reference.trajectory, after.reference.trajectory)]
+    pairs += [(before.shown[solver], after.shown[solver]) for solver in before.shown]
+    for one, other in pairs:
+        assert (one.setting, one.substeps) == (other.setting, other.substeps)
+        np.testing.assert_array_equal(one.positions, other.positions)
+    assert after.reference.uncertainty.rms_mm == pytest.approx(before.reference.uncertainty.rms_mm, rel=1e-3)
+    run.run(plan, tmp_path, keep=(written.append,))
+    assert len(written) == 1
 
 
 def test_the_page_names_the_recordings_that_there_are():
@@ -557,9 +572,9 @@ def test_a_full_disk_leaves_what_was_measured_and_the_same_command_goes_on(tmp_p
     assert told.endswith(goes_on)
     kept = {path: path.read_bytes() for path in (folder / PARTS).iterdir()}
     assert [path.name for path in kept] == ["swing.json"]
-    second = reported(tmp_path, largest=30_000)
+    second = reported(tmp_path, largest=100_000)
     assert second.returncode == 2
-    assert second.stderr.splitlines()[-1] == f"cape: can't write {folder}/swing.png: File too large{goes_on}"
+    assert second.stderr.splitlines()[-1] == told
     assert "swing: " not in second.stderr
     assert {path.name for path in folder.iterdir()} == {PARTS}
     assert all(path.read_bytes() == before for path, before in kept.items())
@@ -570,9 +585,10 @@ def test_a_full_disk_leaves_what_was_measured_and_the_same_command_goes_on(tmp_p
         "REPORT.html",
         "report.json",
         "swing.png",
+        "swing.rrd",
         "space.png",
     }
-    assert "swing.rrd" not in (folder / "REPORT.md").read_text()
+    assert "swing.rrd" in (folder / "REPORT.md").read_text()
 
 
 def test_the_command_writes_page_diagrams_facts_and_recordings(tmp_path: Path):
