@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.live.rig import Rig
-from cape.live.sources import Dressed
+from cape.live.sources import dressed_in
 from cape.measure.meter import Meter, Reading
 from cape.results.kept import Kept
 from cape.results.kept_contacts import KeptContacts
@@ -36,7 +36,7 @@ class Keeper:
         self.solve_s = 0.0
         source = rig.hands.source
         bones = len(source.names)
-        self._dressed = source if isinstance(source, Dressed) and skin is not None and source.skin is skin else None
+        self._dressed = dressed_in(source, skin)
         self._positions = Kept((rig.scene.cloth.vertices, 3), np.float32, in_memory=IN_MEMORY)
         self._poses = Kept((bones, 7), np.float64, in_memory=IN_MEMORY)
         self._readings = Kept((READINGS,), np.float64, in_memory=IN_MEMORY)

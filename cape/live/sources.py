@@ -61,6 +61,11 @@ class Dressed(Protocol):
         ...
 
 
+def dressed_in(source: Source, skin: Skin | None) -> Dressed | None:
+    """The source, where it is its own mesh that is drawn, whose morphs it tells; None for another's, or none."""
+    return source if isinstance(source, Dressed) and skin is not None and source.skin is skin else None
+
+
 class TrackSource:
     """A motion, played over and over.
 

@@ -56,8 +56,9 @@ def take_frame(cloth: Hanging, motion: Motion, dt: float, substeps: int, before:
     for attempt in range(RETRIES + 1):
         unconverged, sound = cloth.complete(motion, dt, substeps, before)
         if attempt == 0 and sound and not fixed:
-            needed, drawing = _needed_substeps(cloth, substeps, dt)
-            lasting = before.lasting + 1 if cloth.limit.excess() > 0.0 else 0
+            excess = cloth.limit.excess()
+            needed, drawing = _needed_substeps(cloth, substeps, dt, excess)
+            lasting = before.lasting + 1 if excess > 0.0 else 0
             if max(needed, drawing) > substeps:
                 refined = needed > substeps
                 cloth.restore(before)
@@ -147,12 +148,13 @@ def _settle_frame(cloth: Hanging, motion: Motion, substeps: int) -> bool:
     return True
 
 
-def _needed_substeps(cloth: Hanging, substeps: int, dt: float) -> tuple[int, int]:
-    """Substeps that a frame of `dt` [s] would have needed, seen after taking it in fewer; and for its threads."""
+def _needed_substeps(cloth: Hanging, substeps: int, dt: float, excess: float) -> tuple[int, int]:
+    """Substeps that a frame of `dt` [s] would have needed, seen after taking it in fewer; and for its threads, that are
+    strained too much by an `excess`."""
     needed = math.ceil(substeps * min(cloth.haste, MOST_HASTE))
     if cloth.strained:
         needed = max(needed, cloth.choose_substeps(dt, strained=True))
-    return needed, DRAWING * substeps if cloth.limit.too_long() else substeps
+    return needed, DRAWING * substeps if cloth.limit.is_too_much(excess) else substeps
 
 
 def diverged(substeps: int) -> Diverged:

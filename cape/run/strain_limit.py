@@ -60,15 +60,18 @@ class StrainLimit:
         self._first[:], self._second[:] = springs.first[self._chosen], springs.second[self._chosen]
         self.acts = acts
 
-    def too_long(self) -> bool:
-        """Tell whether the limit has left threads too long that shorter steps may shorten: that no two limbs pinch.
+    def is_too_much(self, excess: float) -> bool:
+        """Tell whether an `excess` is one for which shorter steps are worth while.
 
-        Where threads have been so for long, a little more is left: shorter steps would be taken in every frame.
+        Where threads have been too long for some time, a little is left: else steps would be shorter in every frame.
         """
-        return self.excess() > (LEFT if self.lasting >= TUG else 0.0)
+        return excess > (LEFT if self.lasting >= TUG else 0.0)
 
     def excess(self) -> float:
-        """By how much more than they may threads are strained that no two limbs pinch, 0 at least."""
+        """By how much more than they may threads are strained that shorter steps may shorten, 0 at least.
+
+        Those are the ones that no two limbs pinch.
+        """
         if not self._acts or not self._any():
             return 0.0
         strains = self._strains()

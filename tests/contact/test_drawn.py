@@ -139,25 +139,25 @@ def test_long_threads_are_those_that_shorter_steps_may_shorten():
     assembly = assemble(scene, [np.array([0, 1])])
     state = State.at_rest(cloth.positions, np.float64)
     limit = StrainLimit(assembly, state, list(np.ones((2, 9))))
-    assert not limit.too_long()
+    assert not limit.is_too_much(limit.excess())
     most = 0.1 * (1.04 + LEFT)
     state.x[1] = state.x[0] + 1.01 * most  # held at both ends, beside a shorter one
-    assert not limit.too_long()
+    assert not limit.is_too_much(limit.excess())
     state.x[1] = cloth.positions[1, 0]
     state.z[8] = state.z[5] - 1.01 * most
-    assert limit.too_long()
+    assert limit.is_too_much(limit.excess())
     state.z[8] = state.z[5] - 0.99 * most
-    assert not limit.too_long()
+    assert not limit.is_too_much(limit.excess())
     state.z[8] = state.z[5] - 1.01 * most
     colliders = assembly.contacts.colliders
     assert colliders is not None
     colliders.pinched[5] = True
-    assert not limit.too_long()
+    assert not limit.is_too_much(limit.excess())
     colliders.pinched[5] = False
     limit.lasting = TUG
-    assert limit.too_long()
+    assert limit.is_too_much(limit.excess())
     state.z[8] = state.z[5] - 1.005 * most
-    assert not limit.too_long()
+    assert not limit.is_too_much(limit.excess())
     assert limit.excess() > 0.0
 
 

@@ -2,8 +2,8 @@
 
 Below 1.2e-38 in single precision, and 2.2e-308 in double, numbers lose their digits one by one: they are subnormal
 (IEEE 754-2019, section 3.4). Intel's processors reckon with them in microcode. Cloth that hardly moves is full of them:
-the forces of the first frames of a mesh took four times as long in single precision as in double. Within compiled code
-they count as zero, on every thread, and the processor is then left as it was.
+in single precision a step of the mesh of `python -m tests.bench.against` took 63 ns for a vertex instead of 31. Within
+compiled code they count as zero, on every thread, and the processor is then left as it was.
 """
 
 from llvmlite import ir

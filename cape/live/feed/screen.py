@@ -13,7 +13,7 @@ from cape.live.feed.mailbox import LiveFrame
 from cape.live.feed.sender import Sender
 from cape.live.feed.viewers import STARTING, ViewerProcess, address, free_port
 from cape.live.rig import Rig
-from cape.live.sources import Dressed
+from cape.live.sources import dressed_in
 from cape.record.moments import Shown
 from motions.errors import UserError
 from motions.skin import Skin
@@ -56,7 +56,7 @@ class Screen:
         """
         self._rig, self._name, self._surfaces, self._skin = rig, name, tuple(surfaces), skin
         source = rig.hands.source
-        self._dressed = source if isinstance(source, Dressed) and skin is not None and source.skin is skin else None
+        self._dressed = dressed_in(source, skin)
         self._known: tuple[object, ...] = ()
         self._setup = 0
         self._served = threading.Event()
