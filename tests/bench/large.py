@@ -3,8 +3,8 @@
     python -m tests.bench.large [NAME ...]
 
 Each must end, or be refused, within 10 s of CPU time and 1 GB. What is only run when it is named takes minutes and must
-hold under 1.5 GB: `replay` replays 28 minutes at 60 frames a second in a coarse cape, `replay_usual` a tenth of that and
-`replay_usual_whole` all of it in the usual one, whose frames go to the recording as they come.
+hold under 1.5 GB: `replay` replays 28 minutes at 60 frames a second in a coarse cape, `replay_usual` a tenth of it,
+and `replay_usual_whole` all of it, in the usual one, whose frames go to the recording as they come.
 """
 
 import resource
