@@ -174,7 +174,7 @@ def find_motion(path: str | PathLike[str]) -> Path:
     """
     found = Path(path)
     try:
-        there = found.exists()
+        there = found.exists() and not (str(path) in clip_names() and found.is_dir())
     except (OSError, ValueError) as error:
         raise FileError(f"can't read {str(path)[:200]!r}: {error}") from None
     if there and (other := _OTHERS.get(found.suffix.lower())) is not None:

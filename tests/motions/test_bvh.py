@@ -257,6 +257,19 @@ def test_what_is_no_text_file_is_one_error(tmp_path):
         motions.load(write(tmp_path, bytes(range(1, 256)) * 9))
 
 
+def test_a_folder_of_a_clips_name_does_not_hide_the_clip(tmp_path, monkeypatch):
+    """As a run before may have left one; a file of that name is what is meant."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "walk").mkdir()
+    assert motions.load("walk").name == "walk"
+    with pytest.raises(FileError, match="is a directory"):
+        motions.load("./walk")
+    (tmp_path / "walk").rmdir()
+    (tmp_path / "walk").write_text("no motion")
+    with pytest.raises(FileError, match="line 1: not a BVH file"):
+        motions.load("walk")
+
+
 def scaled(text: str, factor: float) -> str:
     """The person in another unit: offsets and root positions times a factor."""
 
