@@ -9,14 +9,14 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 
 
-def python(script: str, *arguments: str, **environment: str) -> str:
-    """What a fresh process prints; it must end well."""
+def python(script: str, *arguments: str, within: float = 300.0, **environment: str) -> str:
+    """What a fresh process prints; it must end well, `within` seconds."""
     done = subprocess.run(
         [sys.executable, "-c", script, *arguments],
         env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=within,
         cwd=ROOT,
     )
     assert done.returncode == 0, done.stderr
