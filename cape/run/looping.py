@@ -41,11 +41,13 @@ SHORTEST, BEGINS = 0.5, 10  # s that it takes at least, where it is drawn there,
 
 
 class Looped(NamedTuple):
-    """A round whose last frame leads into its first one, how well it does, and the time spent on the others [s]."""
+    """A round whose last frame leads into its first one, how well it does, the time spent on the others [s], and whether
+    it was the user who stopped."""
 
     frames: Frames
     loop: Loop
     other_s: float
+    stopped: bool
 
 
 class Laps:
@@ -62,28 +64,40 @@ class Laps:
     def run(self, first: Frames, progress: Callable[[int, int], None] | None) -> Looped:
         """Go on from the end of a first round until the cloth repeats, or as often as it may, and pass over.
 
+        An interrupt after the second round leaves those that are done, of which the last passes over.
+
         Raises:
             Diverged: the cloth explodes.
         """
-        begun, rounds, former = time.perf_counter(), 2, np.inf
-        before, after = None, self._next(partial(self._tell, progress, rounds))
-        apart, ways = distances(first.positions, after.frames.positions), []
-        while (alike := closest(apart, self._width)).gap > REPEATED and rounds < MOST_ROUNDS:
-            if rounds >= LEAST_ROUNDS and alike.gap > NEARER * former:
-                break
-            rounds, former = rounds + 1, alike.gap
-            before, after = after, self._next(partial(self._tell, progress, rounds))
-            apart = distances(before.frames.positions, after.frames.positions)
-            ways.append(self._way(before, after, apart))
-        if ways and alike.gap > REPEATED:
+        begun, rounds, former, stopped = time.perf_counter(), 1, np.inf, False
+        before: _Lap | None = None
+        after: _Lap | None = None
+        alike, ways = _Alike(0, np.inf), []
+        try:
+            while after is None or (alike.gap > REPEATED and rounds < MOST_ROUNDS):
+                if rounds >= LEAST_ROUNDS and alike.gap > NEARER * former:
+                    break
+                lap = self._next(partial(self._tell, progress, rounds + 1))
+                rounds, former, before, after = rounds + 1, alike.gap, after, lap
+                apart = distances(_frames(before, first).positions, lap.frames.positions)
+                alike = closest(apart, self._width)
+                if before is not None:
+                    ways.append(self._way(before, lap, apart))
+        except KeyboardInterrupt:
+            if after is None:
+                raise
+            stopped = True
+            alike = closest(distances(_frames(before, first).positions, after.frames.positions), self._width)
+        assert after is not None
+        if ways and alike.gap > REPEATED and not stopped:
             way = min(ways, key=lambda way: (way.after.frames.deepest > NOTABLE_PENETRATION, way.speed))
             shown, loop = way.after.frames, self._lead(way, rounds)
         else:
             shown, blended = after.frames, (alike.first, alike.first + self._width)
-            shown.pass_over(first if before is None else before.frames, passage(self._track.frames, *blended))
+            shown.pass_over(_frames(before, first), passage(self._track.frames, *blended))
             loop = Loop(self._travel, rounds, alike.gap, REPEATED, blended, drawn=False, renewed=self._renewed)
         spent = first.solve_s + time.perf_counter() - begun
-        return Looped(shown, loop, spent - shown.solve_s)
+        return Looped(shown, loop, spent - shown.solve_s, stopped)
 
     @property
     def _begins(self) -> list[int]:
@@ -153,6 +167,11 @@ class _Lap(NamedTuple):
     frames: Frames
     marks: dict[int, Mark]
     states: dict[int, tuple[NDArray[np.float32], NDArray[np.float32]]]
+
+
+def _frames(lap: _Lap | None, first: Frames) -> Frames:
+    """Those of a round, or of the `first` one, which is none that goes on."""
+    return first if lap is None else lap.frames
 
 
 class _Way(NamedTuple):

@@ -69,6 +69,7 @@ def simulate(
         loop: go on, round after round, until the cloth repeats as the motion does, and give a round that leads from its
             last frame into its first (`Take.loop` tells how well). A last frame that is the first once more is left
             out, `check_steps` measures the first round, and the rounds before the one that is given count as settling.
+            An interrupt in a later round leaves the one before, passed over as it may be.
         name: what the take is called.
         progress: called after each frame with the number of frames done and of all.
         on_frame: called with the number of frames done, from the first one on, before any other is computed, and with
@@ -133,6 +134,7 @@ def simulate(
         frames.run(tell)
         if travel is not None:
             looped = Laps(simulation, scene, track, travel).run(frames, progress)
+            result = f"stopped at frame {frames.count}" if looped.stopped else result
     except Diverged as error:
         result, trouble = f"diverged at frame {frames.count}", [str(error)]
     except KeyboardInterrupt:

@@ -189,6 +189,22 @@ def test_the_first_round_is_kept_where_the_next_is_broken_off():
     np.testing.assert_array_equal(take.positions, cape.simulate(sheet(), swing(), settle=0.0).positions)
 
 
+def test_the_last_whole_round_leads_into_itself_where_a_later_one_is_broken_off():
+    def stop(done: int, of: int) -> None:
+        if done > 3.5 * ROUND:
+            raise KeyboardInterrupt
+
+    take = cape.simulate(sheet(), swing(), settle=0.0, loop=True, progress=stop)
+    assert take.result == f"stopped at frame {ROUND}"
+    assert take.loop is not None
+    assert (take.loop.rounds, take.loop.drawn) == (3, False)
+    whole = cape.simulate(sheet(), swing(), settle=0.0)
+    steps = np.linalg.norm(np.diff(whole.positions, axis=0), axis=2).max()
+    seam = np.linalg.norm(take.positions[-1] - take.positions[0], axis=1).max()
+    assert seam < 1.5 * steps  # as far as a frame's motion gets, which the first round's seam does not keep to
+    assert np.linalg.norm(whole.positions[-1] - whole.positions[0], axis=1).max() > 1.5 * steps
+
+
 def test_a_tolerance_holds_in_every_round():
     chosen = cape.simulate(sheet(), swing(speed=0.5), solver=cape.Auto(tolerance=0.001), settle=1.0, loop=True)
     fixed = cape.simulate(sheet(), swing(speed=0.5), solver=DOUBLE, settle=1.0, loop=True)
