@@ -41,8 +41,7 @@ SHORTEST, BEGINS = 0.5, 10  # s that it takes at least, where it is drawn there,
 
 
 class Looped(NamedTuple):
-    """A round whose last frame leads into its first one, how well it does, the time spent on the others [s], and whether
-    it was the user who stopped."""
+    """A round that leads into its beginning, how well it does, time spent on others [s], and whether it was stopped."""
 
     frames: Frames
     loop: Loop
