@@ -22,7 +22,10 @@ HEAD = 0.065  # of the body's height: the middle of the head below its top
 PLANES = 33  # that are looked at
 LEVELS = 48  # of each plane in which the head's width is measured
 TALLEST = 0.3  # of the body's height above the throat, up to which there is a head
-AHEAD = 0.035  # of the body's height: that axis in front of the throat
+# Rows come together at the throat, where the closest threads tell how short steps must be: with 0.035 of the body's
+# height, and rows as far apart as the garment's, they are 333 a frame of the walk, instead of 212.
+AHEAD = 0.05  # of the body's height: that axis in front of the throat
+ROWS_APART = 1.25  # of the garment's spacing, over the middle of the head
 UNDER_HOOD = ("head", "neck")
 HEM = 3.0  # layers of fabric in the edge around the face
 HELD = 0.3  # of that edge, over the brow, that the head holds
@@ -35,7 +38,7 @@ def with_hood(cloth: GridCloth, fitted: Fitted, *, spacing: float, clearance: fl
     Args:
         cloth: the garment, as it lies on the body; of its regions "left" and "right" end at the neckline.
         fitted: the body.
-        spacing: mean distance of the hood's rows [m].
+        spacing: mean distance of the garment's rows [m].
         clearance: least distance from the body [m].
 
     Raises:
@@ -68,7 +71,7 @@ def hood(fitted: Fitted, neckline: FloatArray, spacing: float, clearance: float)
     Args:
         fitted: the body.
         neckline: where it begins, from the left side of the throat behind the neck to the right one [m], shape (n, 3).
-        spacing: mean distance of its rows [m].
+        spacing: mean distance of the garment's rows [m].
         clearance: least distance from the body [m].
 
     Returns:
@@ -88,7 +91,7 @@ def hood(fitted: Fitted, neckline: FloatArray, spacing: float, clearance: float)
     last = np.arctan2(back[2], back[0]) % (2.0 * np.pi)
     room = clearance + EASE * fitted.height
     threads = [_thread(fitted, axis, angle, neckline, room) for angle in np.linspace(first, last, PLANES)]
-    rows = tailoring.cells(_over_head(threads), spacing)
+    rows = tailoring.cells(_over_head(threads), ROWS_APART * spacing)
     surface = np.array([tailoring.evenly(thread, columns) for thread in threads])
     surface += np.linspace(0.0, 1.0, PLANES)[:, None, None] * (neckline - surface[-1])
     return np.stack([tailoring.evenly(column, rows + 1) for column in surface.transpose(1, 0, 2)], axis=1)[:-1]
