@@ -5,6 +5,7 @@ import platform
 import re
 import secrets
 import stat
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -62,6 +63,15 @@ def _unreadable(path: Path, error: OSError | ValueError) -> str:
 def printable(text: str) -> str:
     """A text of a file as it may stand in a terminal: what is no character to be seen is written as an escape."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def fault_of_toml(error: ValueError | RecursionError) -> str:
+    """What `tomllib` found wrong with a text, in words for those who know no Python."""
+    if isinstance(error, RecursionError):
+        return "nested too deeply"
+    if "set_int_max_str_digits" in str(error):
+        return f"a number of more than {sys.get_int_max_str_digits()} digits"
+    return str(error)
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from motions.errors import FileError, UnknownNameError, UserError
-from motions.files import read_bytes, write_text
+from motions.files import fault_of_toml, read_bytes, write_text
 from motions.limits import LARGEST_MARKUP, LARGEST_NUMBER, MOST_COLLIDERS
 from skeleton.shapes import SHAPES, Shape, shape_named, word_of
 
@@ -70,10 +70,8 @@ def read_solids(path: str | Path, bones: Collection[str] | None = None) -> tuple
         content = tomllib.loads(read_bytes(Path(path), most=LARGEST_MARKUP).decode())
     except FileError:
         raise
-    except RecursionError:
-        raise FileError(f"{path} is no TOML file of solids: it is nested too deeply") from None
-    except ValueError as error:  # of TOML, of its encoding, or of a number of thousands of digits
-        raise FileError(f"{path} is no TOML file: {error}") from None
+    except (RecursionError, ValueError) as error:  # of TOML, of its encoding, or of a number of thousands of digits
+        raise FileError(f"{path} is no TOML file: {fault_of_toml(error)}") from None
     _only(content, ("robot", "solid"), str(path))
     robot, tables = content.get("robot", ""), content.get("solid", [])
     if not isinstance(robot, str):

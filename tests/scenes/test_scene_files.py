@@ -119,6 +119,11 @@ def test_a_key_of_many_parts_is_refused_at_once(text):
         read("\n" + text)
 
 
+def test_a_number_of_thousands_of_digits_is_told_in_plain_words():
+    with pytest.raises(FileError, match=r"line 2: no TOML: a number of more than 4300 digits$"):
+        read("\nspacing = " + "1" * 5000)
+
+
 FRAGMENTS = st.sampled_from(
     [*"[]{}=\"'#,.\n ", "[[", "]]", '"""', "\n[", "[[collider]]\n", "[fabrics.v]\n", "[[attachment]]\n", "name", "bone",
      "kind", *keys(), "1", "-1e400", "nan", "true", '"walk"', '"sphere"', "1979-05-27", "\\u0000", "\r\n", "\ud7ff"]

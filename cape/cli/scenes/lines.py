@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Any
 
+from motions.files import fault_of_toml
+
 Path = tuple[str | int, ...]
 """Keys, and places in arrays, from the outermost inwards."""
 
@@ -31,14 +33,11 @@ class Lines:
             path = path[:-1]
         return self._lines.get(path, 1)
 
-    def broken(self, error: Exception) -> tuple[int, str]:
+    def broken(self, error: ValueError | RecursionError) -> tuple[int, str]:
         """The line where `tomllib` failed with an error, and what is wrong there."""
         if place := _PLACE.search(str(error)):
             return int(place[1]), _PLACE.sub("", str(error)).strip()
-        if isinstance(error, RecursionError):
-            told = "nested too deeply"
-        else:
-            told = str(error).replace("(at end of document)", "at the end of the file")
+        told = fault_of_toml(error).replace("(at end of document)", "at the end of the file")
         if isinstance(error, tomllib.TOMLDecodeError):
             return self._text.count("\n") + 1, told
         return next((line for line, piece in _statements(self._text) if not _is_toml(piece)), 1), told
