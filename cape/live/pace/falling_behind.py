@@ -34,9 +34,10 @@ class FallingBehind:
         self._roomy, self._patience, self._since = 0, PATIENCE, 0
         self._returned = False  # whether what was given up has come back lately
 
-    def limit(self, most: int) -> None:
-        """Have no more than so many levels from now on."""
-        self.most = most
+    @property
+    def mean(self) -> float:
+        """How long frames took lately [s], 0 where there were too few."""
+        return sum(self._recent) / LOOKED_AT if len(self._recent) == LOOKED_AT else 0.0
 
     def note(self, seconds: float, period: float) -> int:
         """Take how long a frame has taken, of the time that there is for it [s]; gives the level from now on."""
@@ -44,7 +45,7 @@ class FallingBehind:
         self._since += 1
         if len(self._recent) < LOOKED_AT:
             return self.level
-        mean = sum(self._recent) / LOOKED_AT
+        mean = self.mean
         if self._left and self._left[-1].after == 0.0:
             self._left[-1].after = mean
         if mean > FULL * period and self.level < self.most:
