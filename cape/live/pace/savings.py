@@ -58,7 +58,7 @@ class Savings:
         """What is given up, at a rate of steps against the clock's; empty for nothing."""
         level = self._behind.level
         given = [self._ways[level - 1][0]] if level else []
-        if rate < SLOWER and level == len(self._ways):
+        if rate < SLOWER and (level == len(self._ways) or self._changes.pending):
             given.append("slower than real time")
         return ", ".join(given)
 
