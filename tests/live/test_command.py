@@ -14,6 +14,7 @@ import cape
 import motions
 import skeleton
 from tests.support.command import CAPE, Forks
+from tests.support.disks import small_disk
 from tests.support.processes import mistake_told
 from tests.support.takes import cloth_frames
 
@@ -100,19 +101,21 @@ def test_however_it_ends_what_was_recorded_is_complete(way: str, tmp_path: Path)
     assert not list(tmp_path.glob(".*part*"))
 
 
-def on_a_full_disk(how: str, *, output: str, folder: Path) -> "subprocess.CompletedProcess[str]":
+def on_a_full_disk(
+    how: str, *, output: str, folder: Path, spacing: float = 0.1, **environment: str
+) -> "subprocess.CompletedProcess[str]":
     """Record a sheet for a second and a half, after some lines that have the disk fill up."""
     script = (
         f"{how}\n"
         "import sys\n"
-        "sys.argv = ['cape', 'live', '--no-viewer', '--scene', 'sheet', '--spacing', '0.1', '--seconds', '1.5',"
-        f" '-o', '{output}', '--json']\n"
+        "sys.argv = ['cape', 'live', '--no-viewer', '--scene', 'sheet', '--spacing',"
+        f" '{spacing}', '--seconds', '1.5', '-o', '{output}', '--json']\n"
         "from cape.cli import main\n"
         "main()\n"
     )
     return subprocess.run(
         [sys.executable, "-c", script], cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True,
-        timeout=LONG, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+        timeout=LONG, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", **environment},
     )  # fmt: skip
 
 
@@ -155,6 +158,52 @@ def test_a_disk_that_is_full_when_it_is_written_leaves_what_fits(tmp_path: Path,
     assert told.startswith(f"cape: can't write all of {name}: ")
     assert f" {frames} " in told
     assert [each.name for each in tmp_path.iterdir()] == [name]
+
+
+FILLED = """
+import shutil
+import cape.cli.live.command as command
+write = command.write_what_fits
+def crowded(*arguments, **named):
+    with open('others', 'wb') as file:
+        file.write(bytes(shutil.disk_usage('.').free - LEFT))
+    return write(*arguments, **named)
+command.write_what_fits = crowded
+"""
+
+
+def test_on_a_small_disk_as_much_is_recorded_as_fits(tmp_path: Path):
+    """Of 1 MB, on which a sheet of 441 vertices has room for some dozens of frames."""
+    with small_disk(tmp_path / "disk", 1_000_000) as folder:
+        done = on_a_full_disk("", output="run.npz", folder=folder, spacing=0.05)
+        assert done.returncode == 2, done.stderr
+        kept, of = len(cape.Take.load(folder / "run.npz").positions), json.loads(done.stdout)["frames"] + 1
+        assert 20 <= kept < of
+        assert done.stderr.splitlines()[-1].endswith(f"the disk was nearly full after {kept} of {of} frames")
+
+
+@pytest.mark.parametrize(("name", "left"), [("run.npz", 60_000), ("run.rrd", 4_250_000)])
+def test_a_disk_that_others_fill_while_it_runs_leaves_what_fits(tmp_path: Path, name: str, left: int):
+    """The disk itself tells that it is full, which nothing has foreseen; a recording needs 4 MB besides its cloth."""
+    with small_disk(tmp_path / "disk", 8_000_000) as folder:
+        done = on_a_full_disk(FILLED.replace("LEFT", str(left)), output=name, folder=folder)
+        assert done.returncode == 2, done.stderr
+        path, of = folder / name, json.loads(done.stdout)["frames"] + 1
+        frames = cloth_frames(path) if path.suffix == ".rrd" else len(cape.Take.load(path).positions)
+        assert 2 <= frames < of
+        assert f" {frames} " in done.stderr.splitlines()[-1]
+        assert sorted(each.name for each in folder.iterdir()) == ["others", name]
+
+
+def test_where_temporary_files_find_no_room_all_is_recorded(tmp_path: Path):
+    """A sheet of 1681 vertices is moved to disk after a second: to one of 1 MB."""
+    with small_disk(tmp_path / "disk", 1_000_000) as folder:
+        done = on_a_full_disk("", output="run.npz", folder=tmp_path, spacing=0.025, TMPDIR=str(folder))
+        assert done.returncode == 0, done.stderr
+        take = cape.Take.load(tmp_path / "run.npz")
+        assert len(take.positions) == json.loads(done.stdout)["frames"] + 1
+        assert np.ptp(take.positions, axis=0).max() < 1.0
+        assert take.positions[0].nbytes * len(take.positions) > 2**20
 
 
 def test_mistakes_are_told_in_a_line(tmp_path: Path):
