@@ -133,6 +133,7 @@ def test_what_is_changed_goes_on_from_where_the_cloth_is(change: Callable[[Live]
     steps = np.linalg.norm(np.diff(run.take().positions, axis=0), axis=-1)
     assert steps.max() < 3.0 / FPS
     assert steps[-1].max() > 0.0
+    assert len(run.take().topologies) == 1  # so that it can be exported as any other
 
 
 class Busy:
@@ -293,6 +294,19 @@ def test_a_viewer_that_reads_nothing_is_not_waited_for(deaf: str):
         process = run.sender_process
     with pytest.raises(ProcessLookupError):
         os.kill(process, 0)
+
+
+def test_a_viewer_is_not_told_again_what_stays(deaf: str):
+    """Another solver moves what is shown already; another fabric may be drawn otherwise."""
+    with live(viewer=deaf, keep=False) as run:
+        screen = run._screen
+        assert screen is not None
+        before = screen._setup
+        run.changes.set_solver("xpbd")
+        until(lambda: run.status.solver == "xpbd", run)
+        assert screen._setup == before
+        run.changes.set_fabric("denim")
+        until(lambda: screen._setup != before, run)
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs signals that stop a process")
