@@ -14,14 +14,14 @@ import cape
 import motions
 import skeleton
 from tests.support.command import CAPE, Forks
-from tests.support.disks import small_disk
+from tests.support.machine.disks import small_disk
 from tests.support.processes import mistake_told
 from tests.support.takes import cloth_frames
 
 if sys.platform == "win32":
     pytest.skip("needs a terminal of its own", allow_module_level=True)
 else:
-    from tests.support.terminal import LONG, READY, answers, stamped, terminal
+    from tests.support.machine.terminal import LONG, READY, answers, stamped, terminal
 
 QUICK = ("--garment", "back_cape", "--spacing", "0.08", "--no-self-contact")
 

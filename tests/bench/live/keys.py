@@ -19,7 +19,7 @@ import numpy as np
 
 import cape
 from tests.bench.live.__main__ import get_ahead, q
-from tests.support.terminal import READY, answers, stamped, terminal
+from tests.support.machine.terminal import READY, answers, stamped, terminal
 
 APART = 0.4  # s between two keys, in which a turn is over
 PHASES = 0.0167  # s, over which keys are spread
