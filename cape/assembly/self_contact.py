@@ -130,6 +130,20 @@ def enlarged(layers: Layers) -> Layers:
     return layers._replace(faces=faces, edges=edges)
 
 
+def with_room_for(layers: Layers, kept: Kept) -> Layers:
+    """The same with room in its lists for what another one of the same scene has kept, to be `put_back`; itself, where
+    there is."""
+    lists = []
+    for pairs, (count, *_) in zip((layers.faces, layers.edges), kept.pairs, strict=True):
+        room = len(pairs.first)
+        while room < count[0]:
+            room *= 2
+        lists.append(pairs if room == len(pairs.first) else _pairs(len(pairs.head), room))
+    faces, edges = lists
+    same = faces is layers.faces and edges is layers.edges
+    return layers if same else layers._replace(faces=faces, edges=edges)
+
+
 def keep(layers: Layers) -> Kept:
     """Copy what is known, to `put_back` it should a frame be taken back."""
     pairs = tuple(

@@ -17,11 +17,11 @@ from cape.scene.self_contact import SelfContact
 from cape.solvers import Solver, SymplecticEuler
 from cape.solvers import solver as solver_named
 from motions import quaternions
-from motions.errors import UnknownNameError, ValueRangeError
+from motions.errors import UnknownNameError, UserError, ValueRangeError
 
 Change = Callable[[], str | None]
 
-SCENE, SOLVER = "scene", "solver"
+SCENE, SOLVER, READY = "scene", "solver", "what may be needed"
 BREEZE = (-3.0, 0.0, 0.0)  # m/s, of a wind that is turned on where there was none
 SHARES = (0.5, 0.7, 0.3, 0.6, 0.4, 0.8, 0.2)  # of the hem, where tears begin, one after the other
 
@@ -40,7 +40,10 @@ class Changes:
         self._rig, self._builder, self._do = rig, builder, do
         self.solver = rig.solver
         self._wanted = rig.scene
-        self._compiled = {rig.solver.name}
+        self._coming = rig.solver
+        self._asked = self._done = 0
+        self._anew = False
+        self._untold: list[tuple[int, str | Callable[[], str]]] = []
         self._calm = rig.scene.wind
         self._tears = 0
 
@@ -109,28 +112,59 @@ class Changes:
         self._do(change)
 
     def use(self, solver: Solver, told: str, *, must: bool = True) -> None:
-        """Go on with a solver once its code is there; on the thread of the physics.
+        """Go on with a solver once a cloth stands ready for it; on the thread of the physics.
 
-        Where it can't be used by then, that is told if it `must`.
+        Where it can't be used, that is told if it `must`.
         """
 
-        def change(_: object) -> str | None:
-            self._compiled.add(solver.name)
+        def change() -> str | None:
             try:
-                self._rig.change_solver(solver)
+                self._rig.require_may_use(solver)
             except ValueRangeError:
                 if must:
                     raise
                 return None
-            return told
+            return self._go_on_with(solver, told)
 
-        if solver.name in self._compiled:
-            # At once, in the order of what else waits.
-            self._do(lambda: change(None))
-            return
-        scene = self._rig.scene
-        pose = self._rig.pose_for(scene)
-        self._builder.ask(SOLVER, lambda: self._rig.compile(scene, solver, pose), change)
+        self._do(change)
+
+    def _go_on_with(self, solver: Solver, told: str) -> str | None:
+        rig = self._rig
+        ready = rig.ready(solver)
+        if rig.simulation.tears:  # what has torn is laid out nowhere else
+            scene, pose = rig.scene, rig.pose_for(rig.scene)
+            self._builder.ask(
+                SOLVER, lambda: rig.compile(scene, solver, pose), lambda _: self._change_in_place(solver, told)
+            )
+            return None
+        if not self.pending and ready is not None:
+            rig.take_over(ready, solver)
+            self._coming = solver
+            return told
+        if not self.pending and replace(solver, substeps=rig.solver.substeps) == rig.solver:
+            return self._change_in_place(solver, told)
+        self._ask(self._wanted, told, solver=solver)
+        return None
+
+    def _change_in_place(self, solver: Solver, told: str) -> str:
+        self._rig.change_solver(solver)
+        self._coming = solver
+        return told
+
+    def make_ready(self, solver: Solver) -> None:
+        """Have a cloth stand by for a solver, in case it is wanted; on the thread of the physics."""
+        rig, scene = self._rig, self._rig.scene
+        pose = rig.first_pose_for(scene)
+
+        def keep(built: Built) -> None:
+            rig.keep_ready(built)
+
+        self._builder.ask(READY, lambda: rig.build(scene, solver, pose, anew=False), keep)
+
+    @property
+    def pending(self) -> bool:
+        """Whether something is being made ready to go on with."""
+        return self._done != self._asked
 
     # -- scene --
 
@@ -188,7 +222,7 @@ class Changes:
             if self._rig.scene.tearing is None:
                 # Grids tear under this solver alone, and in half a second of building another may be tried.
                 self.solver = SymplecticEuler()
-                self._ask(self._rig.with_tearing(), "", then=lambda: _told_tears(self._rig.tear(along)))
+                self._ask(self._rig.with_tearing(), lambda: _told_tears(self._rig.tear(along)), solver=self.solver)
                 return None
             return _told_tears(self._rig.tear(along))
 
@@ -199,7 +233,7 @@ class Changes:
 
         def reset() -> str | None:
             first = self._rig.first
-            fabric = self._rig.scene.cloth.fabric
+            fabric = self._wanted.cloth.fabric
             self._ask(replace(first, cloth=replace(first.cloth, fabric=fabric)), "put on anew", anew=True)
             return None
 
@@ -234,33 +268,48 @@ class Changes:
 
         self._do(change)
 
-    def _ask(self, scene: Scene, told: str, *, anew: bool = False, then: Callable[[], str] | None = None) -> None:
-        """Have another scene made ready, and gone on with; several that wait become one."""
-        if self._rig.simulation.tears and not anew:
+    def _ask(
+        self,
+        scene: Scene,
+        told: str | Callable[[], str],
+        *,
+        solver: Solver | None = None,
+        anew: bool = False,
+    ) -> None:
+        """Have another scene made ready, or another solver, and gone on with; several that wait become one.
+
+        `told`, or what it gives, is told once it is gone on with.
+        """
+        rig = self._rig
+        if rig.simulation.tears and not anew:
             raise ValueRangeError("a cloth that has torn stays as it is, until it is put on anew")
-        solver, before = self._rig.solver, self._wanted
-        if scene.tearing is not None and self._rig.scene.tearing is None:
-            solver = self.solver
-        self._wanted = scene
-        worn = scene.cloth.frame == "wearer"
-        pose = self._rig.pose_for(scene) if anew and worn else self._rig.first_pose_for(scene)
+        solver = self._coming if solver is None else solver
+        self._asked = number = self._asked + 1
+        self._wanted, self._coming, self._anew = scene, solver, anew or self._anew
+        self._untold.append((number, told))
+        anew = self._anew
+        pose = rig.pose_for(scene) if anew and scene.cloth.frame == "wearer" else rig.first_pose_for(scene)
 
-        def take_over(built: Built) -> str:
+        def make() -> Built | UserError:
             try:
-                if anew:
-                    self._rig.hands.take_back()
-                self._rig.take_over(built)
-            except BaseException:
-                self._wanted = self._rig.scene
-                raise
-            return told if then is None else then()
+                return rig.build(scene, solver, pose, anew=anew)
+            except UserError as error:
+                return error
 
-        def make() -> Built:
+        def take_over(made: Built | UserError) -> str:
+            then = [text for of, text in self._untold if of <= number]
+            self._untold = [each for each in self._untold if each[0] > number]
             try:
-                return self._rig.build(scene, solver, pose, anew=anew)
-            except BaseException:
-                self._wanted = before
-                raise
+                if isinstance(made, UserError):
+                    raise made
+                if made.anew:
+                    rig.hands.take_back()
+                rig.take_over(made, solver)
+            finally:
+                if number == self._asked:
+                    self._done = number
+                    self._wanted, self._coming, self._anew = rig.scene, rig.solver, False
+            return ", ".join(filter(None, (text if isinstance(text, str) else text() for text in then)))
 
         self._builder.ask(SCENE, make, take_over)
 

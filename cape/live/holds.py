@@ -1,12 +1,17 @@
 """What holds a cloth, changed by hand: corners that are pinned or let go, and where a tear may begin."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly import putting_on
+from cape.assembly.assemble import Assembly
 from cape.cloth.cloth import Cloth, GridCloth
+from cape.run.whereabouts import Hold
 from cape.scene.holding.attachments import Attachment, attach
+from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 from motions.errors import ValueRangeError
 
@@ -59,6 +64,24 @@ def pinned(scene: Scene, vertices: IntArray, bone: str, points: FloatArray) -> S
     still = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     dressing = None if scene.dressing is None else {**scene.dressing, bone: still}
     return replace(scene, attachments=[*scene.attachments, held], dressing=dressing)
+
+
+def held_where_they_are(
+    assembly: Assembly, hold: Sequence[Hold], bones: Sequence[str], pose: Pose, state: FloatArray
+) -> None:
+    """Have the points at which some bones hold vertices, in place, be where these are.
+
+    Args:
+        assembly: the scene's arrays.
+        hold: of each that it carries.
+        bones: by their names in its scene.
+        pose: of all of that scene's.
+        state: of the vertices as the scene numbers them, positions first, in the same frame as the pose, shape (V, 6).
+    """
+    chosen, places = [assembly.scene.bones.index(bone) for bone in bones], assembly.inwards(state)[:, :3]
+    for attached, (points, _, _) in zip(assembly.carried, hold, strict=True):
+        rows = np.isin(attached.bones, chosen)
+        points[rows] = putting_on.in_bones(attached, pose, places[attached.vertices])[rows]
 
 
 def tear_path(cloth: Cloth, start: int, length: int = TEAR) -> IntArray:

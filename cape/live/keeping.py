@@ -70,7 +70,9 @@ class Keeper:
         if simulation.tears != self._tears:
             self._tears = simulation.tears
             self._most_tears = max(self._most_tears, self._tears)
-            self._topologies.append(replace(simulation.topology, frame=self.frames))
+            topology = simulation.topology
+            if not self._topologies or not topology.is_as(self._topologies[-1]):
+                self._topologies.append(replace(topology, frame=self.frames))
         reading: Reading = simulation.read(self._meter)
         places = simulation.positions.astype(np.float32)
         if len(places) > self._positions.shape[0]:

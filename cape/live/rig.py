@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape.air.wind import Wind
-from cape.live.holds import let_go, pinned
+from cape.live.holds import held_where_they_are, let_go, pinned
 from cape.live.sources import Hands, Source
 from cape.results.topology import Topology
 from cape.run.simulation import Simulation
+from cape.run.tearing.simulation import tearable
 from cape.run.whereabouts import Hold, Place, Snapshot
 from cape.scene.poses import Pose, read_pose
 from cape.scene.scene import Scene
@@ -56,6 +57,7 @@ class Rig:
         self.time, self.wind = 0.0, scene.wind
         self.pins: dict[str, NDArray[np.int64]] = {}
         self._tears = 0
+        self._ready: dict[Solver, Built] = {}
         self._first_pose = self.hands.now
         self.pose_for(scene)
 
@@ -129,13 +131,23 @@ class Rig:
         self.wind = wind
 
     def change_solver(self, solver: Solver) -> None:
-        """Go on with another solver, whose code is compiled.
+        """Go on with another number of steps, or, of a cloth that has torn, with another solver, laid out anew.
 
         Raises:
             ValueRangeError: the cloth may tear, and can't go on otherwise.
         """
         self.simulation.change_solver(solver)
         self.solver = solver
+
+    def require_may_use(self, solver: Solver) -> None:
+        """Tell whether the cloth can go on with a solver.
+
+        Raises:
+            ValueRangeError: it is a grid that may tear, which only one solver steps.
+        """
+        scene = self.simulation.scene
+        if tearable(scene, solver) is not scene:
+            raise ValueRangeError(f"a grid that may tear was set out with {self.solver.name}: it can't go on otherwise")
 
     def tear(self, path: ArrayLike) -> int:
         """Part the edges along a path of vertices; gives how many have parted.
@@ -148,10 +160,10 @@ class Rig:
     # -- changes that are built beside the run --
 
     def build(self, scene: Scene, solver: Solver, pose: Pose, *, anew: bool) -> Built:
-        """Make a simulation of another scene of this cloth ready, on whatever thread: compiled, and laid out.
+        """Make a simulation of a scene of this cloth ready, on whatever thread: compiled, laid out, and linked.
 
         Args:
-            scene: with another fabric, other holds, or other forces.
+            scene: with another fabric, other holds, or other forces; or as it is, for another solver.
             solver: for it.
             pose: of the scene's bones, as they were at first; as they are, where the cloth is put on anew.
             anew: put the cloth on and let it settle, instead of going on from where it is.
@@ -159,9 +171,12 @@ class Rig:
         Raises:
             UserError: the scene can't be.
         """
-        simulation = Simulation(scene, solver=solver, threads=self.threads)
-        simulation.compile(pose)
+        own = self.simulation.scene if scene is self.scene else scene  # of what is a mesh where it may tear
+        simulation = Simulation(own, solver=solver, threads=self.threads)
+        if anew or scene.tearing is not None:
+            simulation.compile(pose)  # all at once, and not one after the other
         simulation.start(pose, settle=None if anew else 0.0)
+        simulation.read(simulation.meter(scene))
         return Built(simulation, pose, anew)
 
     def compile(self, scene: Scene, solver: Solver, pose: Pose) -> None:
@@ -172,31 +187,55 @@ class Rig:
         """
         Simulation(scene, solver=solver, threads=self.threads).compile(pose)
 
-    def take_over(self, built: Built) -> None:
+    def keep_ready(self, built: Built) -> None:
+        """Have what was built for this scene stand by, in case its solver is wanted."""
+        if built.simulation.scene is self.simulation.scene:
+            self._ready[_method(built.simulation.solver)] = built
+
+    def ready(self, solver: Solver) -> Built | None:
+        """What stands by for a solver, in any number of steps; None for nothing."""
+        return self._ready.get(_method(solver))
+
+    def take_over(self, built: Built, solver: Solver) -> None:
         """Go on with what was built, from where the cloth is, unless it begins anew.
+
+        What ran until now stands by, where only the solver is another one.
+
+        Args:
+            built: for this scene, or another one.
+            solver: that it was built for, in as many steps as are to be taken.
 
         Raises:
             ValueRangeError: the cloth has torn, and can't go on otherwise.
         """
-        new = built.simulation
-        if not built.anew:
-            for name, vertices in self.pins.items():
-                if not any(a.bone == name for a in self.scene.attachments):  # it is pinned from here on
-                    self.hands.put(name, self.simulation.positions[vertices].mean(axis=0))
-            old = self.simulation.snapshot().place
-            alike = all(a is b for a, b in zip(self.scene.attachments, new.scene.attachments, strict=False))
-            alike = alike and len(self.scene.attachments) == len(new.scene.attachments)
-            hold = old.hold if alike else tuple(_undrifted(each) for each in new.snapshot().place.hold)
-            pose = read_pose(self.pose_for(new.scene), new.bones).moved(-old.origin)
-            new.start_from(Snapshot(new.scene, built.first_pose, Place(old.origin, pose, old.state, hold, old.time)))
-        self.simulation, self.scene, self._tears = new, new.scene, 0
-        if new.solver != self.solver:
-            try:
-                new.change_solver(self.solver)
-            except ValueRangeError:  # a grid that tears, which only one solver steps
-                self.solver = new.solver
+        new, old = built.simulation, self.simulation
+        if built.anew or new.scene is not old.scene:
+            self._ready = {}
+            if not built.anew:
+                self._go_on(built)
+        else:
+            new.go_back(old.mark())
+            self._ready[_method(old.solver)] = Built(old, built.first_pose, anew=False)
+            self._ready.pop(_method(solver), None)
+        new.change_solver(solver)
+        self.simulation, self.scene, self.solver, self._tears = new, new.scene, solver, 0
         if self.wind is not None:
             new.turn_wind(self.wind)
+
+    def _go_on(self, built: Built) -> None:
+        """Have a simulation of another scene be where the cloth is."""
+        new = built.simulation
+        fresh = [name for name in self.pins if not any(a.bone == name for a in self.scene.attachments)]
+        for name in fresh:  # it is pinned from here on
+            self.hands.put(name, self.simulation.positions[self.pins[name]].mean(axis=0))
+        old = self.simulation.snapshot().place
+        alike = all(a is b for a, b in zip(self.scene.attachments, new.scene.attachments, strict=False))
+        alike = alike and len(self.scene.attachments) == len(new.scene.attachments)
+        pose = read_pose(self.pose_for(new.scene), new.bones).moved(-old.origin)
+        hold = old.hold if alike else tuple(_undrifted(each) for each in new.snapshot().place.hold)
+        if not alike:
+            held_where_they_are(new.assembly, hold, [name for name in fresh if name in new.bones], pose, old.state)
+        new.start_from(Snapshot(new.scene, built.first_pose, Place(old.origin, pose, old.state, hold, old.time)))
 
     def with_tearing(self) -> Scene:
         """The scene as it is, of a cloth that can be torn."""
@@ -219,6 +258,11 @@ class Rig:
         self.hands.put(name, places.mean(axis=0))
         self.pins[name] = vertices
         return pinned(scene, vertices, name, places - places.mean(axis=0)), True
+
+
+def _method(solver: Solver) -> Solver:
+    """A solver in whatever number of steps."""
+    return replace(solver, substeps=None)
 
 
 def _undrifted(hold: Hold) -> Hold:

@@ -74,22 +74,21 @@ class Kept:
             self._parts.append(rows.copy())
             return
         try:
-            self._file.write(rows.data)
+            _write(self._file, rows)
         except OSError:  # the disk is full
             self._back_to_memory()
             self._put(rows)
 
     def _move_to_disk(self) -> None:
-        parts = self._parts
         try:
             folder = FOLDER if os.access(FOLDER, os.W_OK) and "TMPDIR" not in os.environ else None
-            self._file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115  (closed with the last array)
-            self._parts = []
-        except OSError:  # there is no such folder
+            file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115  (closed with the last array)
+            for part in self._parts:
+                _write(file, part)
+        except OSError:  # there is no such folder, or its disk is full
             self._most = 2**63
             return
-        for part in parts:
-            self._put(part)
+        self._file, self._parts = file, []
 
     def _back_to_memory(self) -> None:
         """Read what was written, and write no more."""
@@ -98,6 +97,17 @@ class Kept:
         text = self._file.read(self._count * self._row)
         self._file, self._most = None, 2**63
         self._parts = [np.frombuffer(text, self._dtype).reshape(-1, *self.shape).copy()]
+
+
+def _write(file: IO[bytes], rows: NDArray[Any]) -> None:
+    """Write all of some rows, of which a disk that is nearly full takes a part before it tells.
+
+    Raises:
+        OSError: it is full.
+    """
+    rest = rows.reshape(-1).view(np.uint8).data
+    while len(rest):
+        rest = rest[file.write(rest) :]
 
 
 def let_go(array: NDArray[Any]) -> None:

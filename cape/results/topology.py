@@ -23,6 +23,10 @@ class Topology:
     triangles: NDArray[np.int32]
     parents: NDArray[np.int64]
 
+    def is_as(self, other: "Topology") -> bool:
+        """Tell whether triangles and vertices are those of another one, from whatever frame on."""
+        return np.array_equal(self.triangles, other.triangles) and np.array_equal(self.parents, other.parents)
+
 
 def most_split(topologies: Sequence[Topology]) -> Topology:
     """The one of most vertices."""

@@ -170,6 +170,10 @@ class Hanging:
             self._strain.request,
         ]
 
+    def prepare(self) -> None:
+        """Make the programs of a frame, and compile or load what they need, so that the first one takes no longer."""
+        self._solver.prepare(self.running, self._threads)
+
     def blow(self, pose: Pose, duration: float, *, against: FloatArray | float = 0.0) -> None:
         """Have the wind blow as it does in a frame of `duration` [s] in which the bones move to a pose.
 
@@ -390,7 +394,16 @@ class Hanging:
         return Frame(self.moment(), self.origin, self.pose, self._hold(), self.time)
 
     def go_back_to(self, frame: Frame) -> None:
-        """Put all that back, in the precision of the solver that there is now."""
+        """Put all that back, in the precision of the solver that there is now.
+
+        It may be from another one of the same scene, on as many threads.
+        """
+        known, kept = self.assembly.layers, frame.moment.layers
+        if known is not None and kept is not None:
+            roomy = self_contact.with_room_for(known, kept)
+            if roomy is not known:
+                self.assembly = self.assembly.with_layers(roomy)
+                self.running.go_on_with(self.assembly)
         self.restore(frame.moment)
         self.origin, self.pose, self.time = frame.origin, frame.pose, frame.time
         self._hold_again(frame.hold)

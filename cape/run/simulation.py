@@ -215,13 +215,11 @@ class Simulation(MayTear):
             ValueRangeError: it has not been started, or the cloth has torn.
         """
         self._require_whole()
-        counts = (
-            self.substeps, self.retried, self.refined, self.troubled, self.unconverged, self.jumps, self.renewed
-        )  # fmt: skip
+        counts = self.substeps, self.retried, self.refined, self.troubled, self.unconverged, self.jumps, self.renewed
         return Mark(self._started.frame(), self.solver, counts)
 
     def go_back(self, mark: Mark) -> None:
-        """Be where this simulation was, and know what it knew, in the steps that are taken now.
+        """Be where this simulation, or another one of its scene, was, and know what it knew, in the steps taken now.
 
         Raises:
             ValueRangeError: the cloth has torn since.
@@ -390,6 +388,7 @@ class Simulation(MayTear):
         cloth.set_out(np.broadcast_to(moving, 3), np.broadcast_to(turning, 3))
         if not cloth.look():
             raise diverged(cloth.own_choice(SETTLING_FRAME))
+        cloth.prepare()
         cloth.keeps_journal = self.ledger is not None
         self._cloth = cloth
         self._tears = None if self.scene.tearing is None else Tears(cloth)

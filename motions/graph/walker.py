@@ -63,6 +63,7 @@ class Walker:
         self._coming: deque[Frame] = deque()  # of a passage, in the clip that is left
         self._after: tuple[FloatArray, FloatArray] | None = None  # turn and shift of the clip then entered
         self._turn, self._shift = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
+        self._root: FloatArray | None = None  # where it was last
         self.turning = 0.0
         """Rate at which the character turns on its way, counter-clockwise from above [rad/s]."""
 
@@ -97,8 +98,9 @@ class Walker:
         """The next frame, in the world."""
         if not self._coming:
             self._arrive()
+        self._steer()
         frame = _moved(self._coming.popleft(), self._turn, self._shift)
-        self._steer(frame.local[0])
+        self._root = frame.local[0]
         return frame
 
     def _arrive(self) -> None:
@@ -175,12 +177,12 @@ class Walker:
     def _still(self, at: int) -> Frame:
         return _clip_frame(self._source, min(at, self._source.clip.frames - 1))
 
-    def _steer(self, root: FloatArray) -> None:
-        """Turn all that follows about where the root is."""
-        if self.turning:
+    def _steer(self) -> None:
+        """Turn all that follows about where the root was last."""
+        if self.turning and self._root is not None:
             about = quaternions.from_rotation_vector(np.array([0.0, 0.0, self.turning / self.fps]))
             self._turn = quaternions.normalize(quaternions.multiply(about, self._turn))
-            self._shift = root + quaternions.rotate(about, self._shift - root)
+            self._shift = self._root + quaternions.rotate(about, self._shift - self._root)
             self._shift[2] = 0.0
 
     def _frames(self, seconds: float) -> int:

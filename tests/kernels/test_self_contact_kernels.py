@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cape.assembly.self_contact import cut_into_patches, enlarged, keep, layers_of, put_back, surplus
+from cape.assembly.self_contact import cut_into_patches, enlarged, keep, layers_of, put_back, surplus, with_room_for
 from cape.cloth.cloth import Cloth, MeshCloth
 from cape.kernels.linking import Linker
 from cape.kernels.program import Use
@@ -470,6 +470,22 @@ def test_runs_repeat_to_the_last_bit_also_after_going_back(rng: np.random.Genera
     crumple(contact, s, 3)
     np.testing.assert_array_equal(np.stack(s), end)
     assert not np.array_equal(middle, end)
+
+
+def test_what_is_known_finds_room_in_another_cloth_that_had_less(rng: np.random.Generator):
+    cloth, s = shaken(rng, noise=0.01)
+    contact, other = record(cloth, friction=0.3), record(cloth, friction=0.3)
+    crumple(contact, s, 3)
+    known = keep(contact)
+    faces, edges = (
+        p._replace(**{f: getattr(p, f)[:4] for f in p._fields if f not in ("counts", "head")})
+        for p in (other.faces, other.edges)
+    )
+    roomy = with_room_for(other._replace(faces=faces, edges=edges), known)
+    assert min(len(roomy.faces.first), len(roomy.edges.first)) > 4
+    assert with_room_for(roomy, known) is roomy
+    put_back(roomy, known)
+    np.testing.assert_equal(keep(roomy), known)
 
 
 def test_a_cloth_that_does_not_touch_itself_is_left_alone():

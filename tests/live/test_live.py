@@ -18,6 +18,7 @@ import cape
 import motions
 import skeleton
 from cape.live.live import Live
+from cape.live.pace.pacing import Pacer
 from cape.live.sources import TrackSource
 from cape.run.whereabouts import Diverged
 from motions.errors import UnknownNameError, ValueRangeError
@@ -132,6 +133,49 @@ def test_what_is_changed_goes_on_from_where_the_cloth_is(change: Callable[[Live]
     steps = np.linalg.norm(np.diff(run.take().positions, axis=0), axis=-1)
     assert steps.max() < 3.0 / FPS
     assert steps[-1].max() > 0.0
+    assert len(run.take().topologies) == 1  # so that it can be exported as any other
+
+
+class Busy:
+    """A clock that only frames and sleeping turn on, of a machine that is ever busier, and free again at last."""
+
+    stages = ((1.0, "euler"), (2.0, "xpbd in 20"), (4.0, "xpbd in 10"), (8.0, "slower than real time"), (1.0, "euler"))
+
+    def __init__(self) -> None:
+        self.now, self.stage, self.frames = 0.0, 0, 0
+        self.seen: list[tuple[str, int]] = []
+
+    def __call__(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+    def frame(self, run: Live) -> None:
+        """A frame of symplectic Euler takes 0.6 of its time, one of XPBD in 20 steps 0.3, on a machine that is free."""
+        now = run._rig.solver.name, run._rig.simulation.substeps
+        if not self.seen or self.seen[-1] != now:
+            self.seen.append(now)
+        busy, told = self.stages[self.stage]
+        self.frames += told in f"{now[0]} in {now[1]}, {run.status.given_up}"
+        if self.frames == 200 and self.stage + 1 < len(self.stages):
+            self.stage, self.frames = self.stage + 1, 0
+        self.now += busy / FPS * {"euler": 0.6 / self.seen[0][1], "xpbd": 0.3 / 20.0}[now[0]] * now[1]
+
+
+def test_it_falls_behind_step_by_step_and_catches_up_again():
+    """Nothing leaps when another solver goes on, whenever its cloth is ready."""
+    clock = Busy()
+    run = live(on_frame=clock.frame)
+    run._pacer = Pacer(1.0 / FPS, clock=clock, sleep=clock.sleep)
+    with run:
+        until(lambda: clock.stage == 4 and clock.frames >= 400, run)
+        assert run.status.given_up == ""
+    own = clock.seen[0]
+    assert own[0] == "euler"
+    assert clock.seen == [own, ("xpbd", 20), ("xpbd", 10), ("xpbd", 20), own]
+    steps = np.linalg.norm(np.diff(run.take().positions, axis=0), axis=-1)
+    assert steps.max() < 3.0 / FPS
 
 
 def test_what_is_pinned_stays_where_it_was_and_is_let_go_again():
@@ -250,6 +294,19 @@ def test_a_viewer_that_reads_nothing_is_not_waited_for(deaf: str):
         process = run.sender_process
     with pytest.raises(ProcessLookupError):
         os.kill(process, 0)
+
+
+def test_a_viewer_is_not_told_again_what_stays(deaf: str):
+    """Another solver moves what is shown already; another fabric may be drawn otherwise."""
+    with live(viewer=deaf, keep=False) as run:
+        screen = run._screen
+        assert screen is not None
+        before = screen._setup
+        run.changes.set_solver("xpbd")
+        until(lambda: run.status.solver == "xpbd", run)
+        assert screen._setup == before
+        run.changes.set_fabric("denim")
+        until(lambda: screen._setup != before, run)
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs signals that stop a process")

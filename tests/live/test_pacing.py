@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from cape.live.pace.falling_behind import LOOKED_AT, PATIENCE, FallingBehind
+from cape.live.pace.falling_behind import LOOKED_AT, PATIENCE, TRIAL, FallingBehind
 from cape.live.pace.pacing import Pacer
 
 PERIOD = 1.0 / 64.0  # s, which adds up without rounding
@@ -109,3 +109,22 @@ def test_what_comes_back_in_vain_is_left_alone_for_longer_each_time():
         levels(behind, 1.5 * PERIOD, LOOKED_AT)
         assert behind.level == 1
     assert all(later > 1.5 * before for before, later in pairwise(waits))
+
+
+def test_what_seemed_to_have_no_room_is_tried_again_ever_more_seldom():
+    """The machine was busy when a level was left, and free in the next one: it is not more than twice as cheap."""
+    behind, waits = FallingBehind(1), []
+    levels(behind, 4.0 * PERIOD, LOOKED_AT)
+    for _ in range(3):
+        waited = 0
+        while behind.note(0.3 * PERIOD, PERIOD) == 1:
+            waited += 1
+            assert waited < 20 * TRIAL
+        waits.append(waited)
+        levels(behind, 4.0 * PERIOD, LOOKED_AT)
+        assert behind.level == 1
+    assert waits[0] == pytest.approx(TRIAL, abs=2 * LOOKED_AT)
+    assert all(later > 1.9 * before for before, later in pairwise(waits))
+    while behind.note(0.3 * PERIOD, PERIOD) == 1:
+        pass
+    assert set(levels(behind, 0.6 * PERIOD, 2 * TRIAL)) == {0}

@@ -9,14 +9,20 @@ import pytest
 
 import cape
 from cape.live.builder import Builder
+from cape.live.changes import Changes
 from cape.live.error_watch import FRAMES, ErrorWatch
 from cape.live.holds import corners, let_go, rim, tear_path
 from cape.live.live import Live
+from cape.live.pace.falling_behind import LOOKED_AT
+from cape.live.pace.savings import Savings
 from cape.live.page.orders import obey, orders_of
 from cape.live.rig import Rig
 from cape.live.sources import FASTEST, Hands, ToldSource, TrackSource
 from cape.live.status import Status
+from cape.run.hanging import Hanging
 from cape.scene.standard_scenes import swing
+from cape.solvers.base import Programs
+from motions.errors import ValueRangeError
 
 TURNED = (1.0, 0.0, 0.0, 0.0)
 SHEET = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.1)
@@ -27,6 +33,240 @@ class AtOnce(Builder):
 
     def ask(self, name: str, make: Callable[[], Any], ready: Callable[[Any], Any]) -> None:
         ready(make())
+
+
+class Later(Builder):
+    """Makes what it is asked for when it is told to, and hands over what it has made once that is asked for."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.waiting: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {}
+        self.made: list[tuple[Callable[[Any], Any], Any]] = []
+
+    def ask(self, name: str, make: Callable[[], Any], ready: Callable[[Any], Any]) -> None:
+        self.waiting[name] = make, ready
+
+    def work(self) -> None:
+        self.made += [(ready, make()) for make, ready in self.waiting.values()]
+        self.waiting = {}
+
+    def hand_over(self) -> list[str]:
+        made, self.made = self.made, []
+        return [ready(each) for ready, each in made]
+
+
+def at_once(change: Callable[[], str | None]) -> None:
+    change()
+
+
+def swinging(*, self_contact: bool = True) -> tuple[Rig, Changes, Later]:
+    """A sheet that has swung for a while, and what changes it; what is asked for is done at once."""
+    standard, builder = swing(spacing=0.1), Later()
+    scene = replace(standard.scene, self_contact=cape.SelfContact() if self_contact else None)
+    rig = Rig(scene, TrackSource(standard.track), cape.SymplecticEuler(), threads=1)
+    rig.start()
+    advance(rig, 40)
+    return rig, Changes(rig, builder, at_once), builder
+
+
+def advance(rig: Rig, frames: int) -> None:
+    for _ in range(frames):
+        rig.step(1.0 / 60.0)
+
+
+def test_a_solver_that_stands_ready_goes_on_as_one_that_is_laid_out_in_place():
+    """To the last bit, of a cloth in contact with itself: nothing that was known is lost."""
+    rig, changes, builder = swinging()
+    other, _, _ = swinging()
+    np.testing.assert_array_equal(rig.simulation.positions, other.simulation.positions)
+    changes.set_solver("xpbd")
+    builder.work()
+    before = rig.simulation
+    assert builder.hand_over() == ["solver xpbd"]
+    assert rig.simulation is not before
+    other.simulation.change_solver(cape.XPBD())
+    for _ in range(10):
+        advance(rig, 1)
+        advance(other, 1)
+        np.testing.assert_array_equal(rig.simulation.positions, other.simulation.positions)
+        np.testing.assert_array_equal(rig.simulation.velocities, other.simulation.velocities)
+    changes.set_solver("euler")  # for which the first one stands by
+    assert rig.simulation is before
+    other.simulation.change_solver(cape.SymplecticEuler())
+    advance(rig, 5)
+    advance(other, 5)
+    np.testing.assert_array_equal(rig.simulation.positions, other.simulation.positions)
+
+
+def test_nothing_that_takes_long_is_left_to_the_frames(monkeypatch: pytest.MonkeyPatch):
+    """A cloth is laid out, and its programs are made, before it is handed over."""
+    rig, changes, builder = swinging()
+    made: list[str] = []
+    for of in (Hanging, Programs):
+
+        def begin(self: Any, *given: Any, of: Any = of, begun: Any = of.__init__, **named: Any) -> None:
+            made.append(of.__name__)
+            begun(self, *given, **named)
+
+        monkeypatch.setattr(of, "__init__", begin)
+    for change in (
+        lambda: changes.set_fabric("denim"),
+        lambda: changes.set_self_contact(False),
+        lambda: changes.set_solver("xpbd"),
+        lambda: changes.set_solver("backward_euler", substeps=2),
+        lambda: changes.pin("bottom left"),
+        changes.reset,
+    ):
+        change()
+        builder.work()
+        assert {"Hanging", "Programs"} <= set(made)
+        made.clear()
+        builder.hand_over()
+        advance(rig, 3)
+        changes.set_substeps(2.0)
+        advance(rig, 3)
+        assert made == []
+
+
+def test_what_is_pinned_is_held_where_it_is_by_then():
+    """However far it has swung since that was asked for."""
+    rig, changes, builder = swinging(self_contact=False)
+    bottom, asked = rig.scene.cloth.region("bottom"), rig.simulation.positions
+    changes.pin("bottom")
+    builder.work()
+    advance(rig, 20)
+    there = rig.simulation.positions[bottom]
+    assert np.ptp(there - asked[bottom], axis=0).max() > 0.005  # it has another shape now
+    builder.hand_over()
+    advance(rig, 5)
+    np.testing.assert_allclose(rig.simulation.positions[bottom], there, atol=1e-6)
+
+
+def test_changes_that_wait_for_each_other_are_all_made_and_told():
+    rig, changes, builder = swinging()
+    changes.set_fabric("denim")
+    changes.set_solver("xpbd")
+    changes.reset()
+    changes.set_self_contact(False)
+    assert changes.pending
+    builder.work()
+    assert builder.hand_over() == ["fabric denim, solver xpbd, put on anew, no self-contact"]
+    assert not changes.pending
+    assert rig.scene.cloth.fabric == cape.fabric("denim")
+    assert rig.scene.self_contact is None
+    assert rig.solver == cape.XPBD()
+    assert rig.simulation.positions[:, 2].min() > -1.0
+
+
+def savings(rig: Rig, changes: Changes) -> tuple[Savings, Callable[[float, int], list[str]]]:
+    """What gives up something of a run on a machine as fast as told, and what has that be so for some frames.
+
+    A frame of symplectic Euler takes 0.6 of a period, one of XPBD in 20 steps 0.3, times how busy the machine is.
+    """
+    saved, own = Savings(rig, changes), rig.simulation.substeps
+
+    def frames(busy: float, count: int) -> list[str]:
+        seen = []
+        for _ in range(count):
+            of = {"euler": 0.6 / own, "xpbd": 0.3 / 20.0}[rig.solver.name]
+            substeps = own if rig.solver.substeps is None else rig.solver.substeps
+            saved.note(busy * of * substeps / 60.0, 1.0 / 60.0)
+            seen.append(saved.told(1.0))
+        return [told for told, before in zip(seen, [None, *seen], strict=False) if told != before]
+
+    return saved, frames
+
+
+def test_what_is_too_slow_is_given_up_and_taken_back_in_order_without_waiting():
+    """First it goes on in XPBD, which stands ready, in 20 steps, then in 10; then slower; and all the way back."""
+    rig, changes, builder = swinging()
+    first, euler = rig.simulation, rig.solver
+    saved, frames = savings(rig, changes)
+    assert frames(1.0, 200) == [""]
+    builder.work()  # since more than half of the time is used
+    builder.hand_over()
+    assert rig.simulation is first
+    assert frames(2.0, LOOKED_AT + 1) == ["", "xpbd in 20"]
+    assert rig.solver == cape.XPBD(substeps=20)
+    assert not builder.waiting
+    advance(rig, 3)
+    assert frames(2.0, 1000) == ["xpbd in 20"]
+    assert frames(4.0, LOOKED_AT + 1) == ["xpbd in 20", "xpbd in 10"]
+    assert frames(8.0, 1000) == ["xpbd in 10"]
+    assert saved.told(0.8) == "xpbd in 10, slower than real time"
+    assert frames(1.0, 1000) == ["xpbd in 10", "xpbd in 20", ""]
+    assert rig.simulation is first
+    assert rig.solver == euler
+    assert not builder.waiting
+    advance(rig, 3)
+    assert frames(1.0, 1000) == [""]
+
+
+def test_substeps_that_stability_can_do_without_are_given_up_first():
+    rig, changes, builder = swinging()
+    own = rig.simulation.substeps
+    _, frames = savings(rig, changes)
+    changes.set_substeps(3.0)
+    advance(rig, 1)
+    assert frames(1.0, 100) == ["", f"{own} substeps"]
+    assert rig.solver == cape.SymplecticEuler(substeps=own)
+    assert not builder.waiting
+    advance(rig, 3)
+    assert frames(0.3, 1000) == [f"{own} substeps", ""]
+    assert rig.solver == cape.SymplecticEuler(substeps=3 * own)
+
+
+def test_while_a_cloth_is_made_ready_nothing_more_is_given_up():
+    rig, changes, builder = swinging()
+    saved, frames = savings(rig, changes)
+    assert frames(2.0, 1000) == ["", "xpbd in 20"]
+    assert rig.solver.name == "euler"
+    assert saved.told(0.8) == "xpbd in 20, slower than real time"
+    builder.work()
+    assert builder.hand_over() == ["too slow: xpbd in 20"]
+    assert rig.solver == cape.XPBD(substeps=20)
+    assert frames(2.0, 1000) == ["xpbd in 20"]
+
+
+def test_what_stood_ready_for_another_scene_is_not_used():
+    rig, changes, builder = swinging()
+    _, frames = savings(rig, changes)
+    frames(1.0, 200)
+    builder.work()
+    changes.set_self_contact(False)
+    builder.work()
+    builder.hand_over()
+    assert rig.ready(cape.XPBD()) is None
+    frames(1.0, 200)
+    builder.work()
+    builder.hand_over()
+    ready = rig.ready(cape.XPBD())
+    assert ready is not None
+    assert ready.simulation.scene is rig.scene
+
+
+def test_a_grid_that_may_tear_is_not_stepped_otherwise_however_slow():
+    rig, changes, builder = swinging()
+    changes.tear()
+    builder.work()
+    builder.hand_over()
+    advance(rig, 1)
+    _, frames = savings(rig, changes)
+    assert frames(4.0, 1000) == [""]
+    assert not builder.waiting
+
+
+def test_what_can_not_be_built_leaves_all_as_it_was():
+    rig, changes, builder = swinging()
+    before = rig.simulation
+    changes.set_fabric(replace(cape.fabric("denim"), stretch=1e15))
+    builder.work()
+    with pytest.raises(ValueRangeError):
+        builder.hand_over()
+    assert rig.simulation is before
+    changes.set_fabric("denim")
+    builder.work()
+    assert builder.hand_over() == ["fabric denim"]
 
 
 def test_the_estimate_of_the_error_is_that_of_ever_shorter_steps():

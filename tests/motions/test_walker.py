@@ -87,6 +87,17 @@ def test_where_it_turns_its_root_stays():
     assert np.abs(turned - straight).max() < 0.05  # it sways on the spot, seen from another side
 
 
+def test_it_turns_in_the_next_frame():
+    walker, straight = Walker(GRAPH, "idle"), Walker(GRAPH, "idle")
+    for _ in range(10):
+        walker.next()
+        straight.next()
+    walker.turning = 2.0
+    about = quaternions.from_rotation_vector(np.array([0.0, 0.0, 2.0 / FPS]))
+    expected = quaternions.multiply(about, straight.next().rotations[0])
+    np.testing.assert_allclose(walker.next().rotations[0], expected, atol=1e-12)
+
+
 def test_an_unknown_clip_is_told():
     walker = Walker(GRAPH, "idle")
     with pytest.raises(UnknownNameError, match="walk"):

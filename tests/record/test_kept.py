@@ -2,6 +2,7 @@
 
 import errno
 import tempfile
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -50,27 +51,29 @@ def test_what_is_let_go_of_keeps_its_numbers_also_those_that_were_changed(monkey
     assert list(blocks(array[:0])) == []
 
 
-def test_a_full_disk_loses_nothing(monkeypatch: pytest.MonkeyPatch):
-    room = 100  # bytes
+@pytest.mark.parametrize("room", [0, 30, 100, 106])
+@pytest.mark.parametrize("each", [1, 3])
+def test_a_full_disk_loses_nothing(room: int, each: int, monkeypatch: pytest.MonkeyPatch):
+    """It takes what there is room for [bytes], a part of a row as well, and tells with what comes next."""
 
     def small(**_):
-        file = open_file()
+        file = open_file(buffering=0)
         write = file.write
 
         def limited(data):
-            if file.tell() + len(bytes(data)) > room:
+            left = room - file.tell()
+            if left <= 0:
                 raise OSError(errno.ENOSPC, "No space left on device")
-            return write(data)
+            return write(bytes(data)[:left])
 
-        file.write = limited
-        return file
+        return SimpleNamespace(write=limited, seek=file.seek, read=file.read, flush=file.flush, fileno=file.fileno)
 
     open_file = tempfile.TemporaryFile
     monkeypatch.setattr(module.tempfile, "TemporaryFile", small)
     kept = Kept((3,), np.float32)
     kept._most = 50
-    for row in ROWS:
-        kept.add(row[None])
+    for first in range(0, len(ROWS), each):
+        kept.add(ROWS[first : first + each])
     assert not is_on_disk(kept)
     np.testing.assert_array_equal(kept.array(), ROWS)
 

@@ -123,6 +123,11 @@ def _with_skin(take: Take, skin: Skin | None) -> Take:
     return replace(take, bones=replace(take.bones, **worn_by(take.bones.names, skin, None)))
 
 
+def is_recording(path: Path) -> bool:
+    """Tell whether a path's suffix asks for a recording for the viewer."""
+    return _kind(path) == "recording"
+
+
 def _kind(path: Path) -> str:
     suffix = path.suffix.lower()
     return "take" if suffix == KEPT else "export" if suffix in exports.FORMATS else "recording"

@@ -1,6 +1,7 @@
 """`cape live`: run, steer, and write what was recorded, however the run ends."""
 
 import json as json_format
+import shutil
 import signal
 import sys
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ from rich.console import Console
 
 from cape.cli.commands.replay import Cut
 from cape.cli.compiling_told import telling
-from cape.cli.exports.writing import require_writable, write_what_fits
+from cape.cli.exports.writing import is_recording, require_writable, write_what_fits
 from cape.cli.live.bindings import Bindings
 from cape.cli.live.cast import Cast, cast
 from cape.cli.live.terminal import Terminal
@@ -30,7 +31,8 @@ from cape.solvers import Solver
 from motions.errors import FileError, ValueRangeError
 from motions.files import printable
 
-SPARE = 20_000_000  # [bytes] that stay free on the disk of the recording
+SPARE = 20_000_000  # [bytes] that stay free on the disk of the recording, or
+SHARE = 0.02  # of a disk, if that is less
 WRITES = 1.2  # times what frames take where they are kept, that they may take in the recording
 
 
@@ -104,10 +106,10 @@ def _steer(live: Live, who: Cast, *, seconds: float | None, output: Path | None)
 def _is_full(keeper: Keeper, output: Path) -> bool:
     """Tell whether what was kept is about all that there is room for."""
     try:
-        free = room_at(output.resolve())
+        free, disk = room_at(output.resolve()), shutil.disk_usage(output.resolve().parent).total
     except OSError:
         return False
-    return free < OVERHEAD + WRITES * keeper.size + SPARE
+    return free < (OVERHEAD if is_recording(output) else 0) + WRITES * keeper.size + min(SPARE, SHARE * disk)
 
 
 def _finish(live: Live, output: Path | None, who: Cast) -> str | None:

@@ -120,7 +120,7 @@ class Screen:
         if self.sender is None:
             return
         rig = self._rig
-        known = (rig.scene, rig.simulation.tears, rig.simulation)
+        known = (rig.scene, rig.simulation.tears)
         if any(a is not b for a, b in zip(known, self._known, strict=False)) or not self._known:
             self._known = known
             self._setup = self.sender.show(self._shown())

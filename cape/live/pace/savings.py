@@ -5,10 +5,13 @@ from dataclasses import replace
 from cape.live.changes import Changes
 from cape.live.pace.falling_behind import FallingBehind
 from cape.live.rig import Rig
+from cape.scene.scene import Scene
 from cape.solvers import XPBD, Solver
 
 FEW = 10  # substeps a frame, from which on cloth under XPBD gets much softer than it should be
 SLOWER = 0.97  # of real time
+NEARLY = 0.5  # of a frame's time, from which on what may be needed is made ready
+CALM = 120  # frames after a change, before that is
 
 
 class Savings:
@@ -20,10 +23,14 @@ class Savings:
         self._behind = FallingBehind(0)
         self._asked: Solver | None = None
         self._tears = False
+        self._scene: Scene | None = None
+        self._calm = 0
         self._ways: list[tuple[str, Solver]] = []
 
     def note(self, seconds: float, period: float) -> None:
         """Take how long a frame has taken, of the time that there is for it [s]."""
+        if self._changes.pending:
+            return  # how long frames take tells nothing yet of what is to come
         asked = self._changes.solver
         tears = self._rig.scene.tearing is not None
         if asked is not self._asked or tears != self._tears:
@@ -35,12 +42,23 @@ class Savings:
         if level != before:
             text, solver = self._ways[level - 1] if level else ("everything as asked for again", asked)
             self._changes.use(solver, text if not level else f"too slow: {text}", must=False)
+        elif self._behind.mean > NEARLY * period:
+            self._make_ready()
+
+    def _make_ready(self) -> None:
+        """Have a cloth stand by for the solver that is taken next, which is compiled and laid out until then."""
+        if self._rig.scene is not self._scene:
+            self._scene, self._calm = self._rig.scene, 0
+        self._calm += 1
+        others = [solver for _, solver in self._ways if solver.name != self._rig.solver.name]
+        if self._calm == CALM and others and not self._rig.simulation.tears:
+            self._changes.make_ready(others[0])
 
     def told(self, rate: float) -> str:
         """What is given up, at a rate of steps against the clock's; empty for nothing."""
         level = self._behind.level
         given = [self._ways[level - 1][0]] if level else []
-        if rate < SLOWER and level == len(self._ways):
+        if rate < SLOWER and (level == len(self._ways) or self._changes.pending):
             given.append("slower than real time")
         return ", ".join(given)
 

@@ -8,11 +8,13 @@ viewer that
     stopped     reads for a while, and is then stopped (SIGSTOP)
     killed      reads for a while, and is then killed
     recorded    reads, while all frames are kept
+    busy        reads, while twice as many processes as there are cores compute in the middle third of the time
     nothing     for comparison: no run at all, but a loop that waits for its next turn as often
 
 and tells, by case: how late steps began (median, 99th percentile, most) and how long they took; how many ended late
 that had begun late and taken less than 12 ms; the memory of the physics and the sender from 30 s on (or a fifth of the
-time); the share of real time, and how busy the machine was. `--ahead` is for a machine that others use as well.
+time); the share of real time; what was given up from when on [s]; and how busy the machine was. `--ahead` is for a
+machine that others use as well.
 """
 
 import argparse
@@ -35,7 +37,7 @@ from cape.live.character import CharacterSource
 from cape.live.feed.viewers import LOOPBACK, free_port, program
 from cape.live.pace.pacing import Pacer
 
-CASES = ("nothing", "reads", "draws", "stopped", "killed", "recorded")
+CASES = ("nothing", "reads", "draws", "stopped", "killed", "recorded", "busy")
 QUICK = 0.012  # s, of a step that has no excuse to end late
 
 
@@ -64,6 +66,20 @@ def draw_on(port: int, over: threading.Event) -> None:
     over.wait()
     process.kill()
     process.wait()
+
+
+def keep_busy() -> list[subprocess.Popen[bytes]]:
+    """Begin twice as many processes that compute as there are cores, for as long as this one lives."""
+    script = "import os\nparent = os.getppid()\nwhile os.getppid() == parent: pass"
+    return [subprocess.Popen([sys.executable, "-c", script]) for _ in range(2 * (os.cpu_count() or 1))]
+
+
+def end_all(processes: list[subprocess.Popen[bytes]]) -> list[subprocess.Popen[bytes]]:
+    """End processes; gives those that are left, which are none."""
+    for process in processes:
+        process.kill()
+        process.wait()
+    return []
 
 
 def memory(process: int) -> float:
@@ -97,6 +113,8 @@ def run(case: str, seconds: float) -> dict[str, Any]:
         scene, source, viewer=f"rerun+http://{LOOPBACK}:{port}/proxy", keep=case == "recorded", end_with_viewer=False
     )
     marks: list[tuple[float, float]] = []
+    given_up: list[tuple[float, str]] = []
+    others: list[subprocess.Popen[bytes]] = []
     try:
         with live:
             live.steps = []
@@ -107,6 +125,10 @@ def run(case: str, seconds: float) -> dict[str, Any]:
             plan = ["walk", "run", "kick", "walk", "jump", "run", "spin", "idle"]
             while (now := time.monotonic() - begun) < seconds and live.running:
                 live.wait(1.0)
+                if not given_up or given_up[-1][1] != live.status.given_up:
+                    given_up.append((round(now, 1), live.status.given_up))
+                if case == "busy" and (1.0 < 3.0 * now / seconds < 2.0) != bool(others):
+                    others = end_all(others) if others else keep_busy()
                 marks.append((now, memory(os.getpid()) + memory(live.sender_process)))
                 if len(marks) % 5 == 0:
                     source.go(plan[len(marks) // 5 % len(plan)])
@@ -117,8 +139,7 @@ def run(case: str, seconds: float) -> dict[str, Any]:
             status, steps = live.status, np.array(live.steps)
     finally:
         over.set()
-        process.kill()
-        process.wait()
+        end_all([process, *others])
     late, took = 1e3 * steps[60:].T
     settled = [each for at, each in marks if at > min(30.0, seconds / 5.0)]
     slow = (late + took > 1e3 / live.fps) & (took < 1e3 * QUICK) & (late > 1.0)
@@ -131,7 +152,7 @@ def run(case: str, seconds: float) -> dict[str, Any]:
         "late_though_quick": int(slow.sum()),
         "memory_mb": {"at_30_s": round(settled[0], 1), "grew_by": round(max(settled) - settled[0], 1)},
         "realtime_factor": round(status.time / status.clock, 3),
-        "given_up": status.given_up,
+        "given_up": given_up,
         "load": os.getloadavg()[0],
     }
 

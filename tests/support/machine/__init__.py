@@ -1,0 +1,1 @@
+"""What of the machine a test has to itself: a terminal, a disk."""
