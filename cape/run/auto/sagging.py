@@ -14,7 +14,7 @@ from cape.assembly.chains import Chain
 SAG, LAG = 0.3, 1.25
 
 USUAL_SPEED = 0.32  # m/s, root mean square, of the bones in these scenes
-USUAL_TIME = 4.5  # s, of a motion whose end is not known
+USUAL_TIME = 6.0  # s, of a motion whose end is not known; longer ones tell more of themselves as they go
 
 
 class Sagging(NamedTuple):
@@ -29,9 +29,9 @@ class Sagging(NamedTuple):
         return cls(SAG * chain.sag, LAG * USUAL_TIME)
 
     def at(self, speed: float, seconds: float = USUAL_TIME) -> "Sagging":
-        """The same of a cloth whose bones move at another speed than is usual [m/s], for so long: it lags in proportion
-        to both."""
-        return Sagging(self.sag, self.lag * speed / USUAL_SPEED * seconds / USUAL_TIME)
+        """The same of a cloth whose bones move at another speed than is usual [m/s], for so long [s]: it lags in
+        proportion to both, but to no more than `USUAL_TIME`."""
+        return Sagging(self.sag, self.lag * speed / USUAL_SPEED * min(seconds / USUAL_TIME, 1.0))
 
     def error(self, step: float) -> float:
         """The error [m] of steps of a length [s]."""
