@@ -11,7 +11,7 @@ from cape.cloth.fabric import Fabric
 from cape.run.auto.choice import FRAME, Choice
 from cape.run.auto.drift import RATIOS, Drift, Orders
 from cape.run.auto.prediction import APART, SURE, Prediction
-from cape.run.auto.sagging import USUAL_SPEED, Sagging
+from cape.run.auto.sagging import USUAL_SPEED, USUAL_TIME, Sagging
 from cape.run.step_error import PARTS, Schedule, ScheduledWatch
 from cape.scene.poses import poses_of
 from cape.scene.standard_scenes import StandardScene, draped, flag, swing
@@ -56,6 +56,19 @@ def test_errors_of_whole_runs_are_what_was_asked_for_where_the_motion_is_known(
     assert apart(run(simulation, given), exact) < 1.1 * tolerance
     assert simulation.errors
     assert all(error.rms <= tolerance for error in simulation.errors)
+
+
+@pytest.mark.parametrize("tolerance", [0.001, 0.0001])
+def test_a_short_motion_of_stiff_cloth_is_neither_missed_nor_taken_in_steps_for_nothing(tolerance: float):
+    given = gentle("stiff", 2, 1.2, stretch=1e6, spacing=0.1)
+    exact = run(Simulation(given.scene, solver=replace(EXACT, margin=0.5)), given)
+    simulation = AutoSimulation(given.scene, Auto(tolerance=tolerance))
+    simulation.expect(poses_of(given.track, simulation.bones)[1:], np.diff(given.track.times))
+    error = apart(run(simulation, given), exact)
+    assert simulation.solver.name == "xpbd"
+    assert 0.5 * tolerance < error < 1.1 * tolerance
+    (told,) = simulation.errors
+    assert 0.5 * error < told.rms < 2.0 * error
 
 
 @pytest.mark.parametrize("tolerance", TOLERANCES)
@@ -132,6 +145,9 @@ def test_the_step_of_xpbd_is_that_of_its_error():
     assert exact.error(exact.step(0.002)) == pytest.approx(0.002)
     # It lags in proportion to how fast it is moved, and sags as far.
     assert exact.at(2.0 * USUAL_SPEED) == pytest.approx((300.0, 4.0))
+    # It falls behind all the time; of long motions no more is expected before they tell of themselves.
+    assert exact.at(USUAL_SPEED, 0.25 * USUAL_TIME) == pytest.approx((300.0, 0.5))
+    assert exact.at(USUAL_SPEED, 3.0 * USUAL_TIME) == pytest.approx((300.0, 2.0))
 
 
 @pytest.mark.parametrize("ratio", [2.0, 4.0, 0.5])
@@ -144,6 +160,10 @@ def test_a_drift_is_found_from_a_run_in_other_steps(ratio: float):
     # What was not seen goes on as is likely; its mean is as far off as what was seen.
     found = Drift.between(times, apart, ratio, Orders(2.0, 1.0), likely=0.1, seen=0.25)
     assert found.growth == pytest.approx(0.25 * growth + 0.75 * 0.1)
+    # What grows faster than errors may is out of place at once, as by so much on the average.
+    found = Drift.between(times, apart, ratio, Orders(2.0, 1.0), most=0.1)
+    out = np.mean(apart - 0.1 * abs(ratio - 1.0) * times) / abs(ratio**2 - 1.0)
+    assert found[:2] == pytest.approx((out, 0.1))
     still = Drift.between(times, np.full(20, 0.3), 2.0, Orders(2.0, None))
     assert still[:2] == pytest.approx((0.1, 0.0))
 

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from cape.run.auto.sagging import USUAL_SPEED, Sagging
+from cape.run.auto.sagging import USUAL_SPEED, USUAL_TIME, Sagging
 from cape.solvers import TRBDF2, XPBD, Solver, SymplecticEuler
 from motions.border import checked
 from motions.errors import ValueRangeError
@@ -76,9 +76,9 @@ class Choice:
         self.stable, self.free = stable, free
         self.sagging = sagging or Sagging(0.0, 1.0)
 
-    def aim_at(self, error: float, *, speed: float = USUAL_SPEED) -> None:
-        """Choose what is likely to make an error [m], of a cloth that is moved at some speed [m/s]."""
-        self.step = min(self.sagging.at(speed).step(error), FRAME / FEWEST)
+    def aim_at(self, error: float, *, speed: float = USUAL_SPEED, seconds: float = USUAL_TIME) -> None:
+        """Choose what is likely to make an error [m], of a cloth that is moved at some speed [m/s] for so long."""
+        self.step = min(self.sagging.at(speed, seconds).step(error), FRAME / FEWEST)
         self.decide()
 
     def decide(self) -> None:

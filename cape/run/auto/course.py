@@ -25,6 +25,7 @@ SHARE = 0.15  # of the time that a run takes, that its companion may
 SHORT = 0.75  # of a short motion, that it takes at most
 SHORTER = math.sqrt(0.5)  # times as long steps of a companion where longer ones would explode: their errors are halved
 WELL = 0.5  # of what is allowed, below which steps that can't be longer need no second look
+MOST = 1.7  # times as fast as is likely, that errors of XPBD grow at most: see `sagging`
 SAMPLES = 10  # in a second: shapes are compared so often
 NEAR = 1.3  # times as long steps, which tell too little of each other
 FRAME_COST = 9000  # vertices that a step of XPBD moves on in the time that the rest of a frame takes
@@ -92,7 +93,7 @@ class Course:
         self.first = self._until(max(least, 0.5 * SHARE * self._total))
         self._ways = np.cumsum(_ways(start, frames))
         self._speed = math.sqrt(self._ways[-1] / self._total)
-        choice.aim_at(AIM * allowed, speed=self._speed)
+        choice.aim_at(AIM * allowed, speed=self._speed, seconds=self._total)
         self.begin()
 
     def begin(self) -> None:
@@ -102,7 +103,7 @@ class Course:
         times = 0.5 if few else SHORTER if choice.explodes_at_double else 2.0
         self._companion = Companion(self._start, choice, times, self._twin)
         self._places: dict[int, NDArray[np.float64]] = {}
-        self.taken = 0
+        self.taken, self._long = 0, 0.0
         last = self._until(self._reach())
         self._looks = [min(self.first, last)]
         while self._looks[-1] < last:
@@ -112,6 +113,7 @@ class Course:
 
     def note(self, run: Simulation) -> None:
         """Note where the run's next frame ends."""
+        self._long += self._choice.length * self.frames[self.taken].dt
         self.taken += 1
         if self._looks and self.taken in self._sampled:
             self._places[self.taken] = run.positions
@@ -128,17 +130,18 @@ class Course:
             Whether the run is to be taken again from its start, as no steps from now on keep to what is allowed.
         """
         choice, drift, aim = self._choice, self._look(), AIM * self._allowed
-        now, solver, before = float(self._times[self.taken - 1]), choice.solver.name, choice.length
+        now, before = float(self._times[self.taken - 1]), (choice.solver.name, choice.length)
+        solver, mean = choice.solver.name, self._mean_length
         left, total = self.taken < len(self.frames), self._total
         ratio = min(max(drift.ratio(aim, now if left else 0.0, total), LEAST_CHANGE), MOST_CHANGE)
         missed = (drift.rms(now, total, ratio) if left else self.error) > self._allowed
         if self.taken == self.first and missed:
-            choice.take(max(drift.ratio(aim, 0.0, total), LEAST_CHANGE) * before)
-            return (choice.solver.name, choice.length) != (solver, before)
+            choice.take(max(drift.ratio(aim, 0.0, total), LEAST_CHANGE) * mean)
+            return (choice.solver.name, choice.length) != before
         if not left:
             return False
-        choice.take(ratio * before)
-        self.error = drift.rms(now, total, choice.length / before if choice.solver.name == solver else ratio)
+        choice.take(ratio * mean)
+        self.error = drift.rms(now, total, choice.length / mean if choice.solver.name == solver else ratio)
         well = choice.length == choice.within(math.inf) and self.error < WELL * self._allowed
         if well or choice.solver.name != solver or 1.0 / NEAR < choice.length / self._companion.length < NEAR:
             self._looks.clear()
@@ -150,22 +153,29 @@ class Course:
         companion.go(self.frames[:count], self._sampled)
         chosen = np.array(list(self._places))
         apart = np.array([distance(companion.places[k], self._places[k]) for k in chosen])
-        ratio, orders = companion.length / self._choice.length, ORDERS[self._choice.solver.name]
-        if count == len(self.frames):
-            # All of it was seen, and no line is needed.
+        ratio, orders = companion.length / self._mean_length, ORDERS[self._choice.solver.name]
+        if count == len(self.frames) and not isinstance(self._choice.solver, XPBD):
+            # All of it was seen, of errors of one order: no line is needed.
             orders = Orders(self._choice.solver.order, None)
+        likely = self._likely_growth()
         drift = Drift.between(
             self._times[chosen - 1], apart * self._pace(count), ratio, orders,
-            likely=self._likely_growth(), seen=float(self._times[count - 1]) / self._total,
+            likely=likely, most=MOST * likely or math.inf, seen=float(self._times[count - 1]) / self._total,
         )  # fmt: skip
         self.error = drift.rms(self._total, self._total)
         return drift
+
+    @property
+    def _mean_length(self) -> float:
+        """Of the steps of the run until now."""
+        return self._long / float(self._times[self.taken - 1])
 
     def _likely_growth(self) -> float:
         """Growth of the error [m/s] whose root mean square over the motion is what XPBD is likely to lag."""
         if not isinstance(self._choice.solver, XPBD):
             return 0.0
-        return math.sqrt(3.0) * self._choice.sagging.at(self._speed).lag * self._choice.step / self._total
+        lag = self._choice.sagging.at(self._speed, self._total).lag
+        return math.sqrt(3.0) * lag * self._choice.step / self._total
 
     def _pace(self, count: int) -> float:
         """How many times as fast as in the first frames bones move in all of them, at least once."""

@@ -36,18 +36,19 @@ class Drift(NamedTuple):
         orders: Orders,
         *,
         likely: float = 0.0,
+        most: float = math.inf,
         seen: float = 1.0,
     ) -> "Drift":
         """That of a run, of which one in steps `ratio` times as long is `apart` [m] at some times [s], both (n,).
 
         A line through them tells the growth of the share of the motion that was `seen`; of the rest, what is `likely`
-        [m/s].
+        [m/s]. What grows faster than errors may at `most` [m/s] is out of place at once: motions set out from rest.
         """
         at_once = abs(ratio**orders.at_once - 1.0)
         if orders.grows is None:
             return cls(float(np.sqrt(np.mean(apart**2))) / at_once, 0.0, orders)
         grown = abs(ratio**orders.grows - 1.0)
-        slope = seen * _slope(times, apart) + (1.0 - seen) * likely * grown
+        slope = seen * min(_slope(times, apart), most * grown) + (1.0 - seen) * likely * grown
         start = max(float(np.mean(apart - slope * times)), 0.0)
         return cls(start / at_once, slope / grown, orders)
 

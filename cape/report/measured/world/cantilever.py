@@ -12,6 +12,7 @@ import numpy as np
 from cape.cloth.fabric import Fabric
 from cape.cloth.fabrics import fabric as fabric_named
 from cape.report.measured.world import elastica
+from cape.report.measured.world.forces import Forces
 from cape.report.measured.world.pieces import strip_of
 from cape.report.measured.world.rest import HAND, relax, started
 from cape.report.measured.world.rows import Row
@@ -69,7 +70,7 @@ def chord_angle(fabric: Fabric, direction: str, variant: str, length: float) -> 
     along = cloth.positions[:, 0]
     middle = np.flatnonzero(np.abs(along - length) < 1e-6 * length)
     simulation = started(Scene(cloth, [attach(cloth, HAND, middle)]))
-    rested = relax(simulation)
+    rested = relax(simulation, Forces(cloth))
     places = simulation.positions
     angles = []
     for end in (0.0, 2.0 * length):

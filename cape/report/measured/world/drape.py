@@ -2,7 +2,7 @@
 
 The drape coefficient is the share of the free ring that is left in the shadow: 1 for a board, 0 for cloth that hangs
 straight down. The cloth is flat where the discs hold it, and what is free is let down from there, set out with a little
-noise: its weight comes on by and by (`WEIGHTS`), and at each it comes to rest.
+noise: its weight comes on by and by (`WEIGHTS`); by the first it falls, and at each it comes to rest.
 
 How it is let down matters, since a cloth can rest in more or in fewer folds: of one that is dropped the hem buckles
 finely while it falls, and stays in up to twice the folds that laboratories count. That the number of folds, and with it
@@ -30,7 +30,8 @@ from cape.cloth.fabrics import fabric as fabric_named
 from cape.cloth.measurement import bending_lengths
 from cape.forces.elastic import Elastic
 from cape.report.measured.world import triangulations
-from cape.report.measured.world.rest import HAND, relax, started
+from cape.report.measured.world.forces import Forces
+from cape.report.measured.world.rest import HAND, fall, relax, started
 from cape.report.measured.world.rows import Row, mean, scatter
 from cape.run.simulation import Simulation
 from cape.run.whereabouts import Diverged
@@ -45,8 +46,7 @@ DISC, PEDESTAL = 0.15, 0.09  # m, radii of cloth and support
 SPACING, FINER = 0.0075, 0.0055  # m, of all drapes, and of some to tell what the spacing is worth
 NOISE = 1e-4  # m, standard deviation of the heights from which a cloth sets out
 WEIGHTS = (0.125, 0.25, 0.5, 1.0)  # shares of its weight that a cloth is let down by
-FALLS = 100  # steps at most in which a cloth is let down by one of them, 0.5 s
-WITHIN = 1e-5  # m, of steps as well
+FALLS = 100  # steps at most in which a cloth falls by the first of them, 0.5 s
 DIRECTIONS = 720  # in which the shadow's radius is measured
 DEEP = 0.05  # of the free ring's width, by which a fold stands out at least
 ALLOWED = 5.0  # points
@@ -171,12 +171,15 @@ def drape(fabric: Fabric, kind: str, seed: int, *, spacing: float = SPACING) -> 
     heights = np.random.default_rng(seed).normal(0.0, NOISE, len(piece.points))
     heights[held] = 0.0
     places = np.column_stack([piece.points, heights])
-    rested, curved = True, 0.0
+    cloth = Cloth.from_mesh(places, piece.triangles, pattern=piece.points, fabric=fabric)
+    forces, rested, curved = Forces(cloth), True, 0.0
     for weight in WEIGHTS:
-        cloth = Cloth.from_mesh(places, piece.triangles, pattern=piece.points, fabric=fabric)
+        cloth = replace(cloth, positions=places)
         scene = Scene(cloth, [attach(cloth, HAND, held)], gravity=(0.0, 0.0, weight * GRAVITY[2]))
-        simulation = started(scene, tolerance=WITHIN)
-        rested = relax(simulation, falls=FALLS, within=WITHIN)
+        simulation = started(scene)
+        if weight == WEIGHTS[0]:
+            fall(simulation, FALLS)
+        rested = rested and relax(simulation, forces)
         places, curved = simulation.positions, curvature(simulation)
     radii = shadow(places, piece.triangles)
     return Draped(100.0 * coefficient(radii), folds(radii), rested, curved)

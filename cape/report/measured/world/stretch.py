@@ -1,8 +1,7 @@
 """Tension and shear: the force that a deformed piece is held with, against the plane stiffness of its fabric.
 
 A strip is pulled between two grips that hold its width, and its strain is read in its middle third, far from them, as
-an extensometer does; a square is sheared with its border held. Forces are what the vertices there gain in momentum in a
-short explicit step once nothing holds them: those of the solvers' own kernels.
+an extensometer does; a square is sheared with its border held. The forces there are the cloth's own on what is held.
 """
 
 import math
@@ -15,15 +14,13 @@ from cape.cloth.cloth import Cloth
 from cape.cloth.conversions import PlaneStiffness
 from cape.cloth.fabric import Fabric
 from cape.cloth.fabrics import fabric as fabric_named
+from cape.report.measured.world.forces import Forces
 from cape.report.measured.world.pieces import strip_of
-from cape.report.measured.world.rest import HAND, STILL, relax, started
+from cape.report.measured.world.rest import HAND, relax, started
 from cape.report.measured.world.rows import Row
-from cape.run.simulation import Simulation
 from cape.run.whereabouts import Diverged
 from cape.scene.holding.attachments import attach
-from cape.scene.poses import Pose
 from cape.scene.scene import Scene
-from cape.solvers import SymplecticEuler
 
 FloatArray = NDArray[np.float64]
 
@@ -36,7 +33,6 @@ SPACING = 0.00625
 SIDE = 0.1  # m, of the square
 ALLOWED = 0.05  # of a stiffness
 ALLOWED_NARROWING = 0.02  # as a ratio of strains
-INSTANT = 1e-7  # s, in which nothing moves
 CLOSED_FORM = "orthotropic sheet of the fabric's stiffness, by algebra"
 
 
@@ -108,8 +104,8 @@ def _pull(fabric: Fabric, direction: str, variant: str, expected: tuple[float, f
     # It sets out about as it will be, but in the grips as wide as it was.
     narrowed = np.where(np.isin(np.arange(len(x)), grips), 0.0, expected[1] * STRAIN)
     places = np.column_stack([(1.0 + STRAIN) * x, y - narrowed * (y - WIDTH / 2.0), 0.0 * x])
-    places, rested = _at_rest(flat, places, grips)
-    force = _forces(flat, places)[x > LENGTH - 1e-6, 0].sum()
+    places, forces, rested = _at_rest(flat, places, grips)
+    force = forces[x > LENGTH - 1e-6, 0].sum()
     middle = np.abs(x - LENGTH / 2.0) < LENGTH / 6.0
     start = np.column_stack([x, y, np.ones_like(x)])[middle]
     gradient = np.linalg.lstsq(start, places[middle, :2], rcond=None)[0]
@@ -122,26 +118,15 @@ def _shear(fabric: Fabric, variant: str) -> tuple[float, bool]:
     x, y = flat.positions[:, :2].T
     border = np.flatnonzero(np.minimum(np.minimum(x, SIDE - x), np.minimum(y, SIDE - y)) < 1e-6)
     places = np.column_stack([x + STRAIN * y, y, 0.0 * x])
-    places, rested = _at_rest(flat, places, border)
-    force = _forces(flat, places)[y > SIDE - 1e-6, 0].sum()
+    places, forces, rested = _at_rest(flat, places, border)
+    force = forces[y > SIDE - 1e-6, 0].sum()
     return -float(force) / SIDE / STRAIN, rested
 
 
-def _at_rest(flat: Cloth, start: FloatArray, held: NDArray[np.int64]) -> tuple[FloatArray, bool]:
-    """Where vertices (V, 3) come to rest without weight [m] while some stay where they start, and whether they do."""
+def _at_rest(flat: Cloth, start: FloatArray, held: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, bool]:
+    """Where vertices (V, 3) come to rest without weight [m] while some stay where they start, the cloth's forces on all
+    of them there [N], and whether they do."""
     cloth = replace(flat, positions=start)
-    simulation = started(Scene(cloth, [attach(cloth, HAND, held)], gravity=(0.0, 0.0, 0.0)))
-    rested = relax(simulation, within=1e-8)
-    return simulation.positions, rested
-
-
-def _forces(flat: Cloth, places: FloatArray) -> FloatArray:
-    """Forces of the cloth on its vertices at places (V, 3) [m], at rest, shape (V, 3) [N]."""
-    cloth = replace(flat, positions=places)
-    free = Simulation(
-        Scene(cloth, gravity=(0.0, 0.0, 0.0)), solver=SymplecticEuler(precision="double", substeps=1), threads=1
-    )
-    nobody = Pose(*(part[:0] for part in STILL))
-    free.start(nobody)
-    free.step(nobody, INSTANT)
-    return cloth.masses()[:, None] * free.velocities / INSTANT
+    simulation, forces = started(Scene(cloth, [attach(cloth, HAND, held)], gravity=(0.0, 0.0, 0.0))), Forces(cloth)
+    rested = relax(simulation, forces, within=1e-8)
+    return simulation.positions, forces(simulation.positions), rested
