@@ -67,13 +67,17 @@ class InPlane:
 
     def edge_stiffness(self, sides: IntArray) -> FloatArray:
         """Stiffness of the edges that some sides (n,) are [N/m], shape (n,)."""
-        mate, taken = self.mate[sides], self._taken
-        carried = taken(sides) * self.weight[sides, 0]
-        for own, there in ((sides, True), (mate, mate != sides)):
+        both = np.stack([sides, self.mate[sides]])
+        there = np.stack([np.ones(len(sides), bool), both[1] != sides])
+        before = np.stack([sides, *(corner(both, 3 - step)[k] for k in range(2) for step in (1, 2))])
+        taken = self._taken(before.ravel()).reshape(before.shape)
+        alone = self._carried_alone(both.ravel()).reshape(both.shape)
+        carried = taken[0] * self.weight[sides, 0]
+        for k in range(2):
             for step in (1, 2):
-                before = corner(own, 3 - step)
-                carried += there * taken(before) * self.weight[before, step]
-            carried += there * self._carried_alone(own)
+                place = 2 * k + step
+                carried += there[k] * taken[place] * self.weight[before[place], step]
+            carried += there[k] * alone[k]
         least = LEAST_SHARE * self._stretched_along(sides)
         return np.maximum(carried, least) / self.edge_lengths(sides) ** 2
 

@@ -93,13 +93,18 @@ def _bend_rows(
     return MeshBends(start, table, weights, aligned(SIDE * len(own), dtype))
 
 
+def bent_at(springs: Springs, chosen: NDArray[np.bool_]) -> IntArray:
+    """Triangles whose bends, three of each, lead to some chosen vertices (N,)."""
+    vertices = springs.bend_vertices[::3]
+    return np.unique(np.flatnonzero(chosen[vertices]) // max(vertices.shape[1], 1))
+
+
 def bend_rows(springs: Springs, rows: IntArray, vertices: int, dtype: type[np.floating]) -> MeshBends:
     """Lay out some rows (n,), in their order, of the bending of a mesh whose springs by threes have the same
     vertices."""
     wanted = np.zeros(vertices, bool)
     wanted[rows] = True
-    triangles = np.flatnonzero(wanted[springs.bend_vertices[::3]].any(axis=1))
-    bends = (3 * triangles[:, None] + np.arange(3)).ravel()
+    bends = (3 * bent_at(springs, wanted)[:, None] + np.arange(3)).ravel()
     members = springs.bend_vertices[bends]
     wanted[members] = True
     columns = np.flatnonzero(wanted)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from cape.assembly.membrane import membrane_of
 from cape.assembly.mesh.curvature import Unfolded, unfold
 from cape.assembly.mesh.in_plane import InPlane, corner, fit_in_plane
+from cape.assembly.mesh.links import bent_at
 from cape.assembly.mesh.springs import MISSED, bends_of, layered_area
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import MeshCloth
@@ -193,8 +194,7 @@ def _bent(springs: SplitMeshSprings, copied: IntArray, known: IntArray, vertices
         return np.zeros(0, np.int64)
     split = np.zeros(vertices, bool)
     split[copied] = True
-    hit = np.flatnonzero(split[springs.bend_vertices[::3]].any(axis=1))
-    return np.unique(np.concatenate([hit, known]))
+    return np.unique(np.concatenate([bent_at(springs, split), known]))
 
 
 def _bend_anew(springs: SplitMeshSprings, cloth: SplitMesh, bent: IntArray) -> SplitMeshSprings:

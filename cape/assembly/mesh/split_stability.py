@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.membrane import FAR_STRETCH, USUAL_STRETCH, Membrane, stiffened
-from cape.assembly.mesh.split_springs import Changed, SplitMeshSprings
+from cape.assembly.mesh.links import bent_at
+from cape.assembly.mesh.split_springs import Changed, SplitMeshSprings, sides_of
 from cape.assembly.stability import Ground, largest_eigenvalue, stable_step
 from cape.cloth.fabric import Fabric
 
@@ -76,9 +77,8 @@ def _nearby(springs: SplitMeshSprings, changed: Changed, count: int) -> Nearby:
     number[vertices] = np.arange(len(vertices))
     moves = number < len(vertices)
     links = np.flatnonzero((moves[springs.first] | moves[springs.second]) & (springs.stiffness > 0.0))
-    bent = np.flatnonzero(moves[springs.bend_vertices[::3]].any(axis=1))
-    bends = (3 * bent[:, None] + np.arange(3)).ravel()
-    return Nearby(vertices, number, links, bends, np.flatnonzero(moves[springs.faces].any(axis=1)))
+    bends, triangles = sides_of(bent_at(springs, moves)), np.unique(np.flatnonzero(moves[springs.faces]) // 3)
+    return Nearby(vertices, number, links, bends, triangles)
 
 
 def _products(
