@@ -159,12 +159,12 @@ def assemble(
 ) -> Assembly:
     """Build the arrays of a scene whose attachments hold the given vertices, for so many threads.
 
-    A grid that may tear has spare vertices, and a mesh that may if they are asked for. One that has been torn is given
-    as it has split, a mesh with its springs.
+    A grid that may tear has `spare` vertices, and a mesh that may if they are asked for. One that has been torn is
+    given as it has split, a mesh with its springs.
     """
     cloth, order = scene.cloth, None
     if isinstance(cloth, MeshCloth):
-        cloth, order = _in_order(cloth, split, spare=spare and scene.tearing is not None)
+        cloth, order = _in_order(scene, cloth, split, spare=spare)
         rank = np.argsort(order)
         places = [rank[indices] for indices in vertices]
     else:
@@ -181,6 +181,7 @@ def assemble(
     contacts = contacts_of(scene, cloth, loose)
     hard, soft, sliding = by_kind(holds)
     attached, springs = attached_of(scene, hard), springs or springs_of(cloth)
+    springs = springs if spare else springs.acting
     varies = scene.wind is not None and scene.wind.varies
     stream = Stream(*np.zeros((3, 3, cloth.vertices))) if varies else None
     return Assembly(
@@ -207,18 +208,17 @@ def assemble(
 
 
 def _in_order(
-    mesh: MeshCloth, split: SplitGrid | SplitMesh | None, *, spare: bool
+    scene: Scene, mesh: MeshCloth, split: SplitGrid | SplitMesh | None, *, spare: bool
 ) -> tuple[MeshCloth, NDArray[np.int64]]:
-    """A mesh with its neighbours close in memory, as it has split or with spare vertices, and the order of these."""
+    """A mesh with its neighbours close in memory, as it has split if it may, and the order of its vertices."""
     from cape.cloth.triangle_mesh import locality_order, reordered
 
-    if isinstance(split, SplitMesh):
-        return split, np.concatenate([split.order, np.arange(len(split.order), split.vertices)])
-    order = locality_order(mesh.faces, mesh.positions)
-    if not spare:
-        return reordered(mesh, order), order
-    split = SplitMesh.of(mesh, order, spare_vertices(mesh))
-    return split, np.concatenate([order, np.arange(len(order), split.vertices)])
+    if not isinstance(split, SplitMesh):
+        order = locality_order(mesh.faces, mesh.positions)
+        if scene.tearing is None:
+            return reordered(mesh, order), order
+        split = SplitMesh.of(mesh, order, spare_vertices(mesh) if spare else 0)
+    return split, np.concatenate([split.order, np.arange(len(split.order), split.vertices)])
 
 
 SPARE = 0.0625  # of a cloth's vertices, that it may get by splitting until more room is made

@@ -67,6 +67,11 @@ class Springs:
     nearest: FloatArray | None = None
 
     @property
+    def in_slots(self) -> bool:
+        """Whether they follow a mesh that splits in place, some of them idle as yet."""
+        return False
+
+    @property
     def acting(self) -> "Springs":
         """Those that are there: all, but of a mesh that may split."""
         return self

@@ -54,7 +54,7 @@ class Air(Force):
         air = (assembly.wind, wind.density * wind.drag / 12.0, wind.density * wind.lift / 12.0)
         if isinstance(cloth, GridCloth):
             return Blown(GridAir(*air, cloth.cells_in_place.astype(dtype), cloth.columns), relative)
-        if isinstance(cloth, SplitMesh):
+        if isinstance(cloth, SplitMesh) and assembly.springs.in_slots:
             from cape.assembly.mesh.split_records import split_air_record
 
             record, splits = split_air_record(cloth, *air, dtype)

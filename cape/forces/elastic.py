@@ -106,7 +106,7 @@ def links_of(assembly: Assembly, dtype: type[np.floating]) -> Links:
             bends = grid_bends(families.bend_stiffness, families.twist_stiffness, assembly.cloth.columns, dtype)
         grid = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
         return Links(grid, bends, *times)
-    if isinstance(assembly.cloth, SplitMesh):
+    if isinstance(assembly.cloth, SplitMesh) and springs.in_slots:
         from cape.assembly.mesh.split_records import split_bends_record, split_membrane_record, split_springs_record
         from cape.assembly.mesh.split_springs import SplitMeshSprings
 

@@ -1,6 +1,6 @@
 """What frames cost in which a cloth tears, and those after, against the same frames of the same cloth untorn.
 
-    python -m tests.bench.tearing [--rounds 5] [--spacing 0.03]
+    python -m tests.bench.tearing [--rounds 5] [--spacing 0.03] [--solver euler]
 
 The scene `torn`, as a grid, as a mesh of the same cells, as one of triangles without order, whose membrane resists, and
 with contact of the cloth with itself. Runs that tear and
@@ -20,6 +20,7 @@ import cape
 from cape.cloth.meshing import as_mesh
 from cape.scene.standard_scenes import StandardScene
 from cape.scene.tearing_scenes import torn
+from cape.solvers import SOLVERS
 from tests.support.scenes import irregular
 
 BEARS_ALL = 1e6  # strain
@@ -38,9 +39,9 @@ def scene_of(layout: str, spacing: float, *, tears: bool) -> StandardScene:
     return replace(standard, scene=replace(scene, self_contact=layers))
 
 
-def run(standard: StandardScene) -> tuple[np.ndarray, np.ndarray]:
+def run(standard: StandardScene, solver: cape.Solver) -> tuple[np.ndarray, np.ndarray]:
     """CPU time [s] of each frame, and how many edges parted within."""
-    simulation, track = cape.Simulation(standard.scene, solver=cape.SymplecticEuler(), threads=1), standard.track
+    simulation, track = cape.Simulation(standard.scene, solver=solver, threads=1), standard.track
     places = {bone: track.index(bone) for bone in simulation.bones}
     poses = [
         {bone: (track.positions[k, place], track.rotations_wxyz[k, place]) for bone, place in places.items()}
@@ -61,16 +62,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--spacing", type=float, default=0.03)
+    parser.add_argument("--solver", default="euler", choices=SOLVERS)
     given = parser.parse_args()
+    solver = SOLVERS[given.solver]()
     print("| layout | edges | frames that tear | untorn, ms | tearing: median | worst | after: median | worst |")
     print("|---|---|---|---|---|---|---|---|")
     for layout in ("grid", "mesh", "irregular mesh", "self-contact"):
         whole, tearing = (scene_of(layout, given.spacing, tears=tears) for tears in (False, True))
-        best: list[np.ndarray] = [run(each)[0] for each in (whole, tearing)]
+        best: list[np.ndarray] = [run(each, solver)[0] for each in (whole, tearing)]
         tears = np.zeros(0)
         for _ in range(given.rounds):
             for k, each in enumerate((whole, tearing)):
-                taken, tears = run(each)
+                taken, tears = run(each, solver)
                 best[k] = np.minimum(best[k], taken)
         ratio, parts = best[1] / best[0], tears > 0
         after = np.arange(len(tears)) > np.flatnonzero(parts)[0]

@@ -47,6 +47,11 @@ class SplitMeshSprings(Springs):
     along: NDArray[np.bool_]
     over: IntArray
 
+    @property
+    def in_slots(self) -> bool:
+        """Whether they follow a mesh that splits in place, some of them idle as yet: they do."""
+        return True
+
     def acts(self, slots: IntArray) -> NDArray[np.bool_]:
         """Which of some slots (n,) are not idle, shape (n,)."""
         count = len(self.fitted.mate)
@@ -55,14 +60,16 @@ class SplitMeshSprings(Springs):
 
     @property
     def acting_slots(self) -> IntArray:
-        """Those slots that are not idle."""
-        return np.flatnonzero(self.acts(np.arange(len(self.first))))
+        """Those slots that are not idle, in the order of the vertices at their ends."""
+        slots = np.flatnonzero(self.acts(np.arange(len(self.first))))
+        return slots[np.lexsort((self.second[slots], self.first[slots]))]
 
     @property
-    def acting(self) -> Springs:
-        """Those that are not idle, as `mesh_springs` gives them but for their order."""
+    def acting(self) -> "ActingSprings":
+        """Those that are not idle, as `mesh_springs` gives them."""
         slots, bends = self.acting_slots, self.bend_stiffness > 0.0
-        return Springs(
+        return ActingSprings(
+            slots=self,
             first=self.first[slots],
             second=self.second[slots],
             stiffness=self.stiffness[slots],
@@ -74,6 +81,17 @@ class SplitMeshSprings(Springs):
             membrane=self.membrane,
             nearest=None if self.nearest is None else self.nearest[slots],
         )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ActingSprings(Springs):
+    """The springs of a mesh that may split which are not idle.
+
+    Attributes:
+        slots: all of them.
+    """
+
+    slots: SplitMeshSprings
 
 
 class Changed(NamedTuple):

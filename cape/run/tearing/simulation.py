@@ -97,8 +97,8 @@ class MayTear(ABC):
     def _go_on_with(self, solver: Solver) -> None:
         """Have the cloth go on with another solver, without spare vertices where that steps none."""
         cloth = self._started
-        if self._tears is not None and not solver.splits:
-            give_up_spares(cloth, self._tears.sheet)
+        if not solver.splits:
+            give_up_spares(cloth)
         cloth.change_solver(solver)
 
     def _require_whole(self) -> None:

@@ -103,12 +103,11 @@ class Tears:
         """Go on with another sheet, whose last vertices are copies of the given ones."""
         if not len(copies):
             return
-        follow = refit if isinstance(cloth.assembly.cloth, SplitGrid) else refit_mesh
-        self.released += follow(cloth, sheet, copies)
+        known, of_grid = cloth.assembly.layers, isinstance(cloth.assembly.cloth, SplitGrid)
+        self.released += (refit if of_grid else refit_mesh)(cloth, sheet, copies)
         self.sheet = sheet
-        self._layers_known = cloth.assembly.layers is None or not isinstance(
-            cloth.assembly.cloth, SplitGrid | SplitMesh
-        )
+        # A mesh that was laid out anew was so as it has split.
+        self._layers_known = known is None or not (of_grid or cloth.assembly.layers is known)
 
 
 def edges_along(sheet: Sheet, vertices: ArrayLike) -> list[Edge]:
