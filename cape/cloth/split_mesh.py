@@ -5,10 +5,11 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.cloth.cloth import MeshCloth
+from cape.cloth.cloth import MeshCloth, areas
 from cape.cloth.triangle_mesh import reordered
 from motions.errors import ValueRangeError
 
+FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
@@ -23,12 +24,14 @@ class SplitMesh(MeshCloth):
         order: the vertex that each one of the whole was before it was put in order, shape (V,).
         follow: the triangle that each one was before, shape (T,).
         parents: the vertex of the whole that each vertex in use is or was, shape (n,); those behind are spare.
+        weights: mass that each corner of each triangle gets [kg], shape (3 T,).
     """
 
     whole: MeshCloth
     order: IntArray
     follow: IntArray
     parents: IntArray
+    weights: FloatArray
 
     @staticmethod
     def of(mesh: MeshCloth, order: IntArray, spare: int) -> "SplitMesh":
@@ -36,7 +39,10 @@ class SplitMesh(MeshCloth):
         whole = reordered(mesh, order)
         follow = np.argsort(np.argsort(order)[mesh.faces].min(axis=1), kind="stable")
         kept = {each.name: getattr(whole, each.name) for each in fields(MeshCloth)}
-        split = SplitMesh(**kept, whole=whole, order=order, follow=follow, parents=np.arange(whole.vertices))
+        layers = 1.0 if whole.layers is None else whole.layers
+        weights = np.repeat(areas(whole.corners) * layers * whole.fabric.density / 3.0, 3)
+        parents = np.arange(whole.vertices)
+        split = SplitMesh(**kept, whole=whole, order=order, follow=follow, parents=parents, weights=weights)
         return split.with_spare(spare)
 
     def with_spare(self, spare: int) -> "SplitMesh":
@@ -60,6 +66,10 @@ class SplitMesh(MeshCloth):
         pattern, positions = self.pattern.copy(), self.positions.copy()
         pattern[:used], positions[:used] = self.whole.pattern[own], self.whole.positions[own]
         return replace(self, faces=number[cells[self.follow]], parents=own, pattern=pattern, positions=positions)
+
+    def masses(self) -> FloatArray:
+        """Mass of each vertex [kg], shape (V,): a third of that of its triangles, none of spare ones."""
+        return np.bincount(self.faces.ravel(), self.weights, self.vertices).astype(float)
 
     @property
     def in_use(self) -> int:

@@ -44,7 +44,7 @@ def refit_mesh(cloth: Hanging, sheet: Sheet, copies: IntArray) -> float:
     for component in state:
         component[first : sheet.vertices] = component[copied]
     positions = np.stack(state[:3], axis=1).astype(float)
-    before, split = mesh.triangles, mesh.split(sheet.cells, sheet.parents)
+    split = mesh.split(sheet.cells, sheet.parents)
     slots, changed = follow_split(slots, split, copied, positions)
     try:
         if missing > 0 or cloth.running.links is not None or not springs.in_slots:
@@ -56,7 +56,7 @@ def refit_mesh(cloth: Hanging, sheet: Sheet, copies: IntArray) -> float:
     assembly = replace(assembly, cloth=split, springs=slots)
     weigh(assembly, first, sheet.vertices)
     if assembly.contacts.faces is not None:
-        move_faces(assembly, before, split.triangles)
+        move_faces(assembly, mesh.triangles, split.triangles)
     write_masses(cloth.running.arrays, assembly)
     let_go(assembly)
     cloth.running.arrays = shortened(cloth.running.arrays, assembly, changed)
