@@ -11,6 +11,7 @@ from cape.assembly.holding import attached_of, by_kind, confined_of, pull_of, ra
 from cape.assembly.springs import Springs, springs_of
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.cloth.split_grid import SplitGrid
+from cape.cloth.split_mesh import SplitMesh
 from cape.kernels.bones import MotionRoom
 from cape.kernels.cloth.grid import MOST_COLUMNS, GridRoom, grid_room
 from cape.kernels.cloth.stream import Stream
@@ -122,7 +123,7 @@ class Assembly:
     @property
     def in_use(self) -> int:
         """How many vertices are no spare ones, which come last."""
-        return self.cloth.in_use if isinstance(self.cloth, SplitGrid) else self.cloth.vertices
+        return self.cloth.in_use if isinstance(self.cloth, SplitGrid | SplitMesh) else self.cloth.vertices
 
     def carry_spares(self, state: State) -> None:
         """Have spare vertices go along with the first, in place, so that they are never far."""
@@ -134,10 +135,9 @@ class Assembly:
 
         Spare vertices get what the first has.
         """
-        if self.order is None:
-            spare = self.cloth.vertices - len(values)
-            return np.concatenate([values, values[np.zeros(spare, np.int64)]]) if spare else values
-        return values[self.order]
+        spare = self.cloth.vertices - len(values)
+        values = np.concatenate([values, values[np.zeros(spare, np.int64)]]) if spare else values
+        return values if self.order is None else values[self.order]
 
     def outwards(self, values: NDArray[Any]) -> NDArray[Any]:
         """Renumber rows that belong to vertices here, shape (N, ...), as the scene numbers them, without spare ones."""
@@ -145,28 +145,32 @@ class Assembly:
             return values[: self.in_use]
         result = np.empty_like(values)
         result[self.order] = values
-        return result
+        return result[: self.in_use]
 
 
 def assemble(
-    scene: Scene, vertices: list[NDArray[np.int64]], *, threads: int = 1, split: SplitGrid | None = None
+    scene: Scene,
+    vertices: list[NDArray[np.int64]],
+    *,
+    threads: int = 1,
+    spare: bool = False,
+    split: SplitGrid | SplitMesh | None = None,
+    springs: Springs | None = None,
 ) -> Assembly:
     """Build the arrays of a scene whose attachments hold the given vertices, for so many threads.
 
-    A grid that has been torn is given as it has split.
+    A grid that may tear has `spare` vertices, and a mesh that may if they are asked for. One that has been torn is
+    given as it has split, a mesh with its springs.
     """
     cloth, order = scene.cloth, None
     if isinstance(cloth, MeshCloth):
-        from cape.cloth.triangle_mesh import locality_order, reordered
-
-        order = locality_order(cloth.faces, cloth.positions)
-        cloth = reordered(cloth, order)
+        cloth, order = _in_order(scene, cloth, split, spare=spare)
         rank = np.argsort(order)
         places = [rank[indices] for indices in vertices]
     else:
         places = vertices
         if scene.tearing is not None and isinstance(cloth, GridCloth):
-            cloth = split or SplitGrid.of(cloth, spare_rows(cloth))
+            cloth = split if isinstance(split, SplitGrid) else SplitGrid.of(cloth, spare_rows(cloth))
     holds = list(zip(scene.attachments, vertices, places, strict=True))
     mass = cloth.masses()
     free = mass > 0.0  # all but spare vertices
@@ -176,7 +180,8 @@ def assemble(
         loose[indices] = attachment.soft
     contacts = contacts_of(scene, cloth, loose)
     hard, soft, sliding = by_kind(holds)
-    attached, springs = attached_of(scene, hard), springs_of(cloth)
+    attached, springs = attached_of(scene, hard), springs or springs_of(cloth)
+    springs = springs if spare else springs.acting
     varies = scene.wind is not None and scene.wind.varies
     stream = Stream(*np.zeros((3, 3, cloth.vertices))) if varies else None
     return Assembly(
@@ -202,12 +207,32 @@ def assemble(
     )
 
 
-SPARE = 0.0625  # of a grid's vertices, that it may get by splitting until more room is made
+def _in_order(
+    scene: Scene, mesh: MeshCloth, split: SplitGrid | SplitMesh | None, *, spare: bool
+) -> tuple[MeshCloth, NDArray[np.int64]]:
+    """A mesh with its neighbours close in memory, as it has split if it may, and the order of its vertices."""
+    from cape.cloth.triangle_mesh import locality_order, reordered
+
+    if not isinstance(split, SplitMesh):
+        order = locality_order(mesh.faces, mesh.positions)
+        if scene.tearing is None:
+            return reordered(mesh, order), order
+        split = SplitMesh.of(mesh, order, spare_vertices(mesh) if spare else 0)
+    return split, np.concatenate([split.order, np.arange(len(split.order), split.vertices)])
+
+
+SPARE = 0.0625  # of a cloth's vertices, that it may get by splitting until more room is made
+FEWEST = 16  # spare vertices of a mesh
 
 
 def spare_rows(cloth: GridCloth) -> int:
     """How many rows of spare vertices a grid gets that may split."""
     return max(2, round(SPARE * cloth.rows))
+
+
+def spare_vertices(mesh: MeshCloth) -> int:
+    """How many spare vertices a mesh gets that may split."""
+    return max(FEWEST, round(SPARE * mesh.vertices))
 
 
 def inverse_of(mass: FloatArray, free: NDArray[np.bool_]) -> FloatArray:

@@ -109,10 +109,37 @@ class Membrane:
         rest = 3 - at - np.argmax(faces == first[:, None], axis=1)
         return np.concatenate([by_corner[every, at], by_corner[every, rest]], axis=1), faces[every, rest]
 
-    def energy(self, positions: FloatArray) -> float:
-        """Energy [J] at positions [m], shape (N, 3)."""
-        strains = self.strains(positions)
-        return 0.5 * float(self.area @ np.einsum("tc,cd,td->t", strains, self.stiffness, self.smoothed(strains)))
+    def energy(self, positions: FloatArray, triangles: IntArray | None = None) -> float:
+        """Energy [J] at positions [m], shape (N, 3); what some triangles (n,) add to it, or all."""
+        if triangles is None:
+            strains = self.strains(positions)
+            return 0.5 * float(self.area @ np.einsum("tc,cd,td->t", strains, self.stiffness, self.smoothed(strains)))
+        part, place = self.among(triangles)
+        strains = part.strains(positions)
+        tension = part.smoothed(strains)[place] @ part.stiffness
+        return 0.5 * float(part.area[place] @ (strains[place] * tension).sum(axis=1))
+
+    def among(self, triangles: IntArray) -> tuple["Membrane", IntArray]:
+        """Some triangles (n,) with their neighbours as a membrane, and where in it they are (n,).
+
+        Strains of the neighbours are averaged with those of triangles within alone.
+        """
+        members = np.unique(np.concatenate([triangles, self.neighbours[triangles].ravel()]))
+        number = np.full(len(self.faces), -1)
+        number[members] = np.arange(len(members))
+        beyond = number[self.neighbours[members]]
+        within = beyond >= 0
+        share = np.where(within, self.share[members], 0.0)
+        part = Membrane(
+            faces=self.faces[members],
+            slopes=self.slopes[members],
+            area=self.area[members],
+            neighbours=np.where(within, beyond, np.arange(len(members))[:, None]),
+            own=1.0 - share.sum(axis=1),
+            share=share,
+            stiffness=self.stiffness,
+        )
+        return part, number[triangles]
 
     def forces_between(self, moved: FloatArray, gradients: FloatArray) -> FloatArray:
         """Forces [N] against small displacements [m], shape (N, 3), at F without tension; shape (N, 3)."""
@@ -137,10 +164,14 @@ class Membrane:
         max(C11, C33) a^2 + max(C22, C33) b^2 + (C12 + C33) (a^2 + b^2) / 2 of its slopes a and b, and smoothing makes
         it less; tension across comes on top. At a stretch L both together are (3 L^2 - 1) / 2 times as much.
         """
+        return self._scattered(self.area[:, None, None] * self.bounds[:, None] * self.gradients(moved), len(moved))
+
+    @property
+    def bounds(self) -> FloatArray:
+        """Of slopes along weft and warp, in the matrix that bounds that of the membrane [N/m], shape (2,)."""
         c = self.stiffness
         mixed = 0.5 * (c[0, 1] + c[2, 2])
-        most = np.array([max(c[0, 0], c[2, 2]) + mixed, max(c[1, 1], c[2, 2]) + mixed])
-        return self._scattered(self.area[:, None, None] * most[:, None] * self.gradients(moved), len(moved))
+        return np.array([max(c[0, 0], c[2, 2]) + mixed, max(c[1, 1], c[2, 2]) + mixed])
 
     def _scattered(self, pulls: FloatArray, vertices: int) -> FloatArray:
         """Sums at the vertices, shape (N, D), of what triangles pull on their slopes, shape (T, 2, D)."""

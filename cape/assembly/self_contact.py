@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth
 from cape.cloth.split_grid import SplitGrid
+from cape.cloth.split_mesh import SplitMesh
 from cape.cloth.triangle_mesh import edges_of
 from cape.kernels.self_contact.near_pairs import Pairs
 from cape.kernels.self_contact.patches import Patches, Sight
@@ -26,7 +27,7 @@ THICKEST = 5e-3  # m, several times what any fabric has, so that layers stay apa
 # Room for pairs. A cape in a run lists at most one of vertices and three of edges for each vertex; a sheet folded on
 # itself 5 and 14, one that is wrung 7 and 20.
 FACES_A_VERTEX, EDGES_A_VERTEX, LEAST_ROOM = 12, 36, 1024
-EDGES_A_SPARE = 3  # edges that there is room for with each spare vertex of a grid that may split; it needs one or two
+EDGES_A_SPARE = 3  # edges that there is room for with each spare vertex of a cloth that may split; it needs one or two
 MOST_A_VERTEX = 500  # far beyond any cloth that hasn't exploded; 100 bytes each
 
 
@@ -74,12 +75,12 @@ def layers_of(scene: Scene, cloth: Cloth, *, alarm: IntArray, spreads: FloatArra
     thickness = contact_thickness(scene)
     friction = scene.friction if contact.friction is None else contact.friction
     patches, tree = cut_into_patches(cloth.triangles, rest_shape(cloth))
-    if isinstance(cloth, SplitGrid):
+    if isinstance(cloth, SplitGrid | SplitMesh):
         patches = patches._replace(edges=with_room(patches.edges, EDGES_A_SPARE * (cloth.vertices - cloth.in_use)))
     vertices, triangles, edges = cloth.vertices, patches.triangles.shape[1], patches.edges.shape[1]
     pieces = len(patches.vertex_start) - 1
     most = max(int(np.diff(s).max()) for s in (patches.vertex_start, patches.triangle_start, patches.edge_start))
-    most += most // 2 if isinstance(cloth, SplitGrid) else 0
+    most += most // 2 if isinstance(cloth, SplitGrid | SplitMesh) else 0
     return Layers(
         thickness=float(thickness),
         margin=MARGIN * thickness,

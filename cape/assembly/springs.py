@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from cape.assembly.membrane import Membrane
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.cloth.split_grid import SplitGrid
+from cape.cloth.split_mesh import SplitMesh
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -65,6 +66,16 @@ class Springs:
     membrane: Membrane | None = None
     nearest: FloatArray | None = None
 
+    @property
+    def in_slots(self) -> bool:
+        """Whether they follow a mesh that splits in place, some of them idle as yet."""
+        return False
+
+    @property
+    def acting(self) -> "Springs":
+        """Those that are there: all, but of a mesh that may split."""
+        return self
+
 
 def springs_of(cloth: Cloth) -> Springs:
     """Derive the springs of a cloth from its pattern and fabric."""
@@ -76,6 +87,10 @@ def springs_of(cloth: Cloth) -> Springs:
         from cape.assembly.grid.springs import grid_springs
 
         return grid_springs(cloth)
+    if isinstance(cloth, SplitMesh):
+        from cape.assembly.mesh.split_springs import split_mesh_springs
+
+        return split_mesh_springs(cloth)
     if isinstance(cloth, MeshCloth):
         from cape.assembly.mesh.springs import mesh_springs
 

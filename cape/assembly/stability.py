@@ -64,7 +64,7 @@ def largest_frequency(
             pushed += ground.stiffness[:, None] * moved
         return root * pushed
 
-    return math.sqrt(max(_largest_eigenvalue(product, start), 0.0))
+    return math.sqrt(max(largest_eigenvalue(product, start), 0.0))
 
 
 def _stiffness_times(springs: Springs, direction: FloatArray, moved: FloatArray) -> FloatArray:
@@ -84,8 +84,12 @@ def _stiffness_times(springs: Springs, direction: FloatArray, moved: FloatArray)
     return result
 
 
-def _largest_eigenvalue(product: Callable[[FloatArray], FloatArray], start: FloatArray) -> float:
+def largest_eigenvalue(
+    product: Callable[[FloatArray], FloatArray], start: FloatArray, *, settled: float = SETTLED
+) -> float:
     """Largest eigenvalue of a positive semidefinite matrix, from below (Golub and Van Loan 2013, algorithm 10.1.1).
+
+    It is known when it changes by less than the share `settled` in `BETWEEN` steps.
 
     Without orthogonalising anew, which costs copies of the largest eigenvalue and no accuracy of it. Sums are numpy's
     own, which have the same bits on any number of cores.
@@ -105,7 +109,7 @@ def _largest_eigenvalue(product: Callable[[FloatArray], FloatArray], start: Floa
         beta = math.sqrt(float((image * image).sum()))
         if step % BETWEEN == 0 or beta <= 1e-12 * alpha:
             known, largest = largest, _largest_of_tridiagonal(diagonal, beside)
-            if beta <= 1e-12 * alpha or largest - known <= SETTLED * largest:
+            if beta <= 1e-12 * alpha or largest - known <= settled * largest:
                 return largest
         beside.append(beta)
         before, vector = vector, image / beta

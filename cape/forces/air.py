@@ -1,24 +1,32 @@
 """Drag and lift of the air on the triangles of a cloth."""
 
-from typing import ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
 from cape.cloth.cloth import GridCloth
+from cape.cloth.split_mesh import SplitMesh
 from cape.forces.base import Acting, Force
 from cape.kernels.cloth.grid import GridAir, GridAirForces, grid_air
 from cape.kernels.cloth.mesh import MeshAir, MeshAirForces, mesh_air
 from cape.kernels.program import Use
 from cape.scene.scene import Scene
 
+if TYPE_CHECKING:
+    from cape.assembly.mesh.split_records import Splits
+
 
 class Blown(NamedTuple):
-    """The air on a cloth, and room for velocities against it (3, N), None where the wind is everywhere alike."""
+    """The air on a cloth, and room for velocities against it (3, N), None where the wind is everywhere alike.
+
+    `splits` tells where the triangles of a mesh stand that may split.
+    """
 
     air: GridAir | MeshAir
     relative: NDArray[np.floating] | None
+    splits: "Splits | None" = None
 
 
 def relative_room(assembly: Assembly, dtype: type[np.floating]) -> NDArray[np.floating] | None:
@@ -46,6 +54,11 @@ class Air(Force):
         air = (assembly.wind, wind.density * wind.drag / 12.0, wind.density * wind.lift / 12.0)
         if isinstance(cloth, GridCloth):
             return Blown(GridAir(*air, cloth.cells_in_place.astype(dtype), cloth.columns), relative)
+        if isinstance(cloth, SplitMesh) and assembly.springs.in_slots:
+            from cape.assembly.mesh.split_records import split_air_record
+
+            record, splits = split_air_record(cloth, *air, dtype)
+            return Blown(record, relative, splits)
         from cape.assembly.mesh.links import mesh_air_record
 
         return Blown(mesh_air_record(cloth, *air, dtype), relative)

@@ -1,12 +1,13 @@
 """What keeps a cloth together: springs or a membrane, and bend springs, with damping."""
 
-from typing import ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
 from cape.cloth.cloth import GridCloth
+from cape.cloth.split_mesh import SplitMesh
 from cape.forces.base import Acting, Force
 from cape.kernels.cloth.grid import GridBends, GridForces, GridSprings, grid_bends, grid_springs
 from cape.kernels.cloth.membrane import MembraneForces, MeshMembrane, mesh_membrane
@@ -14,6 +15,9 @@ from cape.kernels.cloth.mesh import MeshForces, MeshSprings, mesh_springs
 from cape.kernels.cloth.mesh_bending import MeshBendForces, MeshBends, mesh_bends
 from cape.kernels.program import Use
 from cape.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from cape.assembly.mesh.split_records import Splits
 
 
 class Elastic(Force):
@@ -70,12 +74,16 @@ class Elastic(Force):
 
 
 class Links(NamedTuple):
-    """Springs or a membrane, and bend springs, in a precision, with damping times [s]; None for what a cloth lacks."""
+    """Springs or a membrane, and bend springs, in a precision, with damping times [s]; None for what a cloth lacks.
+
+    `splits` tells where they stand in a mesh that may split.
+    """
 
     springs: GridSprings | MeshSprings | MeshMembrane
     bends: GridBends | MeshBends | None
     damping: float | None
     bend_damping: float | None
+    splits: "Splits | None" = None
 
 
 def damping_times(assembly: Assembly) -> tuple[float | None, float | None]:
@@ -98,6 +106,14 @@ def links_of(assembly: Assembly, dtype: type[np.floating]) -> Links:
             bends = grid_bends(families.bend_stiffness, families.twist_stiffness, assembly.cloth.columns, dtype)
         grid = GridSprings(families.offsets, families.stiffness.astype(dtype), families.rest.astype(dtype))
         return Links(grid, bends, *times)
+    if isinstance(assembly.cloth, SplitMesh) and springs.in_slots:
+        from cape.assembly.mesh.split_records import split_bends_record, split_membrane_record, split_springs_record
+        from cape.assembly.mesh.split_springs import SplitMeshSprings
+
+        assert isinstance(springs, SplitMeshSprings)
+        in_plane = split_springs_record if springs.membrane is None else split_membrane_record
+        record, splits = in_plane(springs, assembly.cloth, dtype)
+        return Links(record, split_bends_record(springs, count, dtype) if has_bends else None, *times, splits)
     from cape.assembly.mesh.links import mesh_bends_record, mesh_membrane_record, mesh_springs_record
 
     bends = mesh_bends_record(springs, count, dtype) if has_bends else None

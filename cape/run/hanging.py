@@ -70,7 +70,7 @@ class Hanging:
         positions = positions - self.origin
         self.held = held = [putting_on.held_by(scene, a, self.pose, positions) for a in scene.attachments]
         require_held_once(held)
-        self.assembly = assemble(scene, held, threads=threads)
+        self.assembly = assemble(scene, held, threads=threads, spare=solver.splits)
         self.holding = np.unique(np.concatenate([np.empty(0, np.int64), *(a.bones for a in self.assembly.carried)]))
         self.state = State.at_rest(self.assembly.inwards(positions), solver.dtype(self.assembly))
         self._begin()

@@ -92,8 +92,10 @@ def simulate(
         raise ValueRangeError("a motion of one frame can't be simulated: at least two are needed")
     if loop and ledger is not None:
         raise ValueRangeError("a ledger keeps the accounts of one run from its start: leave it out of a loop")
-    if scene.tearing is not None and (loop or check_steps):
-        raise ValueRangeError("what tears neither repeats nor is torn twice alike: leave out the loop, or the check")
+    if scene.tearing is not None and loop:
+        raise ValueRangeError("what has torn is never again as it was, so that no round repeats: leave out the loop")
+    if scene.tearing is not None and check_steps:
+        raise ValueRangeError("no cloth tears twice alike, so that no second run tells its error: leave out the check")
     if loop and on_frame is not None:
         raise ValueRangeError("frames of a loop are known when its last round is: leave on_frame out of a loop")
     if fps is not None:

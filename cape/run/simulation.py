@@ -241,7 +241,7 @@ class Simulation(MayTear):
             raise ValueRangeError(f"a grid that may tear was set out with {self.solver.name}: it can't go on otherwise")
         if self.ledger is not None:
             raise ValueRangeError("a ledger keeps the accounts of one solver, which can't be changed")
-        self._started.change_solver(solver)
+        self._go_on_with(solver)
         self.solver = solver
 
     def turn_wind(self, wind: Wind) -> None:

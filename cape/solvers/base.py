@@ -37,6 +37,7 @@ class Solver(ABC):
         precision: of the cloth's positions and velocities; None to let the solver choose.
         usual_precision: what it chooses, unless a scene needs another.
         order: power of the step by which errors shrink, in theory, once steps are short enough.
+        splits: whether it steps a cloth with spare vertices, which may split while it runs.
         sweeps: whether springs act by impulses that are found in sweeps over them, rather than by their forces.
         title: what it is called in tables and pictures.
         colour: that pictures draw it in.
@@ -51,6 +52,7 @@ class Solver(ABC):
     cost_growth: ClassVar[float] = 1.0
     usual_precision: ClassVar[Precision]
     order: ClassVar[float]
+    splits: ClassVar[bool] = False
     sweeps: ClassVar[bool] = False
     substeps: int | None = None
     precision: Precision | None = None

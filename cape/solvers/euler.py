@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ from cape.solvers.order import Order, begin_frame, blow, end_substep, forces, mo
 from cape.solvers.running import Running, Thread
 from motions.border import checked
 from motions.errors import ValueRangeError
+
+if TYPE_CHECKING:
+    from cape.assembly.mesh.split_springs import Changed
 
 # A step adds dt v to a position. Below some 2000 steps in a frame of a 60th of a second that is, at 1 m/s, more than a
 # hundred times the last digit of a position of 0.5 m in single precision.
@@ -62,6 +65,7 @@ class SymplecticEuler(Solver):
     colour: ClassVar[str] = "#1b6ca8"
     usual_precision: ClassVar[Precision] = "single"
     order: ClassVar[float] = 1.0
+    splits: ClassVar[bool] = True
     margin: float = 0.9
 
     def __post_init__(self) -> None:
@@ -122,18 +126,40 @@ class SymplecticEuler(Solver):
         )
 
 
+def shortened(arrays: EulerArrays, assembly: Assembly, changed: "Changed") -> EulerArrays:
+    """The same for a mesh that has split, with what has changed: steps as short as that needs, if they were longer."""
+    from cape.assembly.mesh.split_springs import SplitMeshSprings
+    from cape.assembly.mesh.split_stability import steps_near
+
+    springs = assembly.springs
+    assert isinstance(springs, SplitMeshSprings)
+    fabric, flat = assembly.cloth.fabric, _flat(assembly)
+    rest, strained = steps_near(springs, changed, fabric, assembly.inverse_mass, flat, _ground(assembly))
+    return arrays._replace(stable_step=min(arrays.stable_step, rest), strained_step=min(arrays.strained_step, strained))
+
+
 def _stable_step(assembly: Assembly) -> float:
+    return _largest_step(assembly, _flat(assembly))
+
+
+def _flat(assembly: Assembly) -> NDArray[np.float64]:
+    """Where vertices are at rest [m], shape (N, 3)."""
     cloth = assembly.cloth
-    flat = cloth.positions
     if isinstance(cloth, GridCloth) and not cloth.darted:
-        flat = np.column_stack([cloth.pattern, np.zeros(cloth.vertices)])
-    return _largest_step(assembly, flat)
+        return np.column_stack([cloth.pattern, np.zeros(cloth.vertices)])
+    return cloth.positions
 
 
 def _largest_step(assembly: Assembly, positions: NDArray[np.float64] | None) -> float:
-    ground, pull = None, assembly.pull
-    if pull is not None:
-        held = np.zeros((2, assembly.cloth.vertices))
-        held[:, pull.attached.vertices] = pull.stiffness, pull.damping
-        ground = Ground(*held)
-    return largest_step(assembly.springs, assembly.cloth.fabric, assembly.inverse_mass, positions, ground)
+    springs, fabric = assembly.springs.acting, assembly.cloth.fabric
+    return largest_step(springs, fabric, assembly.inverse_mass, positions, _ground(assembly))
+
+
+def _ground(assembly: Assembly) -> Ground | None:
+    """What holds vertices softly; None for nothing."""
+    pull = assembly.pull
+    if pull is None:
+        return None
+    held = np.zeros((2, assembly.cloth.vertices))
+    held[:, pull.attached.vertices] = pull.stiffness, pull.damping
+    return Ground(*held)

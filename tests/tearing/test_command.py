@@ -41,6 +41,24 @@ def test_what_may_tear_is_kept_short_where_that_is_asked_for(tmp_path, forks):
     assert limited == by_file < 0.06 < 0.1 < free
 
 
+@pytest.mark.parametrize(
+    ("more", "why"),
+    [
+        (("--loop",), "what has torn is never again as it was, so that no round repeats: leave out the loop"),
+        (("--check",), "no cloth tears twice alike, so that no second run tells its error: leave out the check"),
+        (
+            ("--tolerance", "1"),
+            "what has torn can't be taken back to try another solver, or other steps: name a solver",
+        ),
+        (("--budget", "4"), "what has torn can't be taken back to try another solver, or other steps: name a solver"),
+    ],
+)
+def test_what_tears_is_not_asked_to_come_back(tmp_path, forks, more, why):
+    _, told = mistake_told(forks("replay", "walk", "--tear", "0.1", *more, folder=tmp_path))
+    assert told == f"cape: {why}"
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("name", ["torn", "sheet"])
 def test_a_scene_that_tears_is_kept_short_where_that_is_asked_for(name: str):
     asked = (None, True, False)

@@ -96,5 +96,5 @@ def test_tearing_needs_a_positive_number(values):
 def test_what_chooses_solvers_does_not_tear():
     holds = [cape.attach(GRID, "rod", "top")]
     tearing = cape.Tearing(strain=0.1)
-    with pytest.raises(ValueRangeError, match="name one"):
+    with pytest.raises(ValueRangeError, match="name a solver"):
         cape.AutoSimulation(cape.Scene(GRID, holds, tearing=tearing), cape.Auto())

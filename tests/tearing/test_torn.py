@@ -109,14 +109,11 @@ def drawn_apart(cloth: cape.Cloth, *, threads: int = 1, frames: int = 25, solver
     return simulation
 
 
-# The mesh is a small one: it is assembled anew whenever it has parted.
-DRAWN = {"grid": GRID, "mesh": mesh_of(cape.Cloth.rectangle(width=0.2, height=0.3, spacing=0.05, fabric=FABRIC))}
-
-
-@pytest.mark.parametrize(("kind", "more"), [("grid", {}), ("grid", {"self_contact": cape.SelfContact()}), ("mesh", {})])
+@pytest.mark.parametrize("kind", CLOTHS)
+@pytest.mark.parametrize("more", [{}, {"self_contact": cape.SelfContact()}])
 def test_a_sheet_that_is_drawn_apart_parts_in_two_the_same_on_all_threads(kind, more):
-    one, two = (drawn_apart(DRAWN[kind], threads=threads, wind=cape.Wind(), **more) for threads in (1, 2))
-    cloth = DRAWN[kind]
+    one, two = (drawn_apart(CLOTHS[kind], threads=threads, wind=cape.Wind(), **more) for threads in (1, 2))
+    cloth = CLOTHS[kind]
     assert one.tears == two.tears >= len(cloth.regions["top"]) - 1
     assert np.array_equal(one.positions, two.positions)
     assert np.array_equal(one.topology.triangles, two.topology.triangles)
@@ -191,12 +188,15 @@ def test_what_can_not_be_torn_is_told():
         simulation.go_back(mark)
 
 
-def test_patches_of_contact_with_itself_follow_what_has_split():
-    simulation = crumpled(GRID, self_contact=cape.SelfContact())
+@pytest.mark.parametrize("kind", CLOTHS)
+def test_patches_of_contact_with_itself_follow_what_has_split(kind):
+    simulation = crumpled(CLOTHS[kind], self_contact=cape.SelfContact())
+    kept = simulation.assembly.layers
     simulation.tear(ACROSS)
     simulation.tear([2, GRID.columns + 2, 2 * GRID.columns + 2])
-    layers, triangles = simulation.assembly.layers, simulation.topology.triangles
+    layers, triangles = simulation.assembly.layers, simulation.assembly.cloth.triangles
     assert layers is not None
+    assert layers is kept  # in place
     patches = layers.patches
     assert set(map(tuple, patches.triangles.T.tolist())) == set(map(tuple, triangles.tolist()))
     ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)

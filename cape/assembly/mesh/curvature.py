@@ -20,6 +20,7 @@ Angles are taken as small, and the sheet flat at rest: the curvature is linear i
 three coordinates, so that its forces are those of the same constant matrix wherever the cloth is.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,7 +37,13 @@ IntArray = NDArray[np.int64]
 FALL = 8
 CLEAR = 4e-4  # smallest over largest eigenvalue of a fit's normal matrix, below which it takes in more vertices
 ROUNDING = 1e-9  # largest change of a slope's coefficients, times the edge's length, that is none
+QUADRATIC = 6  # numbers that make a quadratic: fewer points never determine one
 GROWN = 4  # times that a fit takes in the neighbours of its triangles, at most
+
+
+Frame = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+"""A turn, by rows, and a shift: where the points of a triangle lie in the plane of another one."""
+STILL: Frame = ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
 
 
 class Slopes(NamedTuple):
@@ -60,30 +67,30 @@ class Unfolded(NamedTuple):
     shift: FloatArray
 
 
-def curvatures(cloth: MeshCloth, edges: Edges) -> tuple[IntArray, FloatArray]:
-    """Curvature of each triangle along the weft, of twist, and along the warp [1/m2 on positions in m].
+def curvatures(cloth: MeshCloth, unfolded: Unfolded, triangles: IntArray) -> tuple[IntArray, FloatArray]:
+    """Curvature of some triangles (n,) along the weft, of twist, and along the warp [1/m2 on positions in m].
 
-    Returns vertices (T, M) and coefficients (T, 3, M) of what is d2/du2, d2/du dv and d2/dv2 of each coordinate, filled
+    Returns vertices (n, M) and coefficients (n, 3, M) of what is d2/du2, d2/du dv and d2/dv2 of each coordinate, filled
     up with the first vertex and zeros.
     """
     from scipy.sparse import csr_matrix
 
-    unfolded = _unfold(cloth, edges)
-    slopes = _slopes(cloth, edges, unfolded)
-    sides = np.roll(cloth.corners, -1, axis=1) - cloth.corners
+    faces, corners = cloth.faces[triangles], cloth.corners[triangles]
+    edges, of = np.unique(_first_sides(unfolded, triangles), return_inverse=True)
+    of = of.reshape(-1, 3)
+    slopes = _slopes(cloth, unfolded, edges)
+    sides = np.roll(corners, -1, axis=1) - corners
     length = np.linalg.norm(sides, axis=2)
-    area = _doubled_areas(cloth.corners) / 2.0
+    area = _doubled_areas(corners) / 2.0
     clockwise = np.sign(area)[:, None, None]
     along = sides / length[..., None]
     outward = clockwise * np.stack([along[..., 1], -along[..., 0]], axis=2)
     # A slope across is away from the first triangle of its edge.
-    first = _first_sides(edges) // 3
-    away = np.where(first[edges.of_triangle] == np.arange(len(area))[:, None], 1.0, -1.0)
+    away = np.where(edges[of] // 3 == triangles[:, None], 1.0, -1.0)
     weight = (length / np.abs(area)[:, None])[..., None]
 
     across = weight * away[..., None] * _outer(outward, outward)
     ends = weight * _outer(outward, along) / length[..., None]
-    faces, of = cloth.faces, edges.of_triangle
     reach = slopes.vertices.shape[1]
     by_slope = (across[:, :, None, :] * slopes.coefficients[of][..., None]).reshape(len(area), -1, 3)
     values = np.concatenate([by_slope, -ends, ends], axis=1)
@@ -123,7 +130,8 @@ def _doubled_areas(corners: FloatArray) -> FloatArray:
     return p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
 
 
-def _unfold(cloth: MeshCloth, edges: Edges) -> Unfolded:
+def unfold(cloth: MeshCloth, edges: Edges) -> Unfolded:
+    """Lay the triangles beside each triangle in its plane."""
     faces, corners = cloth.faces, cloth.corners
     count = len(faces)
     neighbour, side = np.full((count, 3), -1), np.zeros((count, 3), dtype=np.int64)
@@ -153,9 +161,8 @@ def _swapped(a: FloatArray, b: FloatArray, same: NDArray[np.bool_]) -> tuple[Flo
     return np.where(same[:, None], a, b), np.where(same[:, None], b, a)
 
 
-def _slopes(cloth: MeshCloth, edges: Edges, unfolded: Unfolded) -> Slopes:
-    """Slopes across all edges, away from the first triangle of each."""
-    sides = _first_sides(edges)
+def _slopes(cloth: MeshCloth, unfolded: Unfolded, sides: IntArray) -> Slopes:
+    """Slopes across edges, the first side of each given (E,), away from the triangle of that."""
     t, c = sides // 3, sides % 3
     members, points, inside = _around(cloth, unfolded, t, c)
     origin, end = points[:, 0], points[:, 1]
@@ -171,18 +178,19 @@ def _slopes(cloth: MeshCloth, edges: Edges, unfolded: Unfolded) -> Slopes:
     coefficients, clear = _corrected(local, inside, _mean_slope(local, inside[:, 3]))
     unclear = np.flatnonzero(~clear)
     grown = _grown([Patch(cloth, unfolded, int(t[e]), int(c[e])) for e in unclear])
-    most = max([members.shape[1], *(len(wider) for wider, _ in grown)])
-    members = np.pad(members, ((0, 0), (0, most - members.shape[1])), mode="edge")
-    coefficients = np.pad(coefficients, ((0, 0), (0, most - coefficients.shape[1])))
+    more = max([0, *(len(wider) - members.shape[1] for wider, _ in grown)])
+    members = np.concatenate([members, np.repeat(members[:, -1:], more, axis=1)], axis=1)
+    coefficients = np.concatenate([coefficients, np.zeros((len(t), more))], axis=1)
     for e, (wider, values) in zip(unclear, grown, strict=True):
         members[e], coefficients[e] = members[e, 0], 0.0
         members[e, : len(wider)], coefficients[e, : len(wider)] = wider, values
     return Slopes(members, coefficients / length[:, None])
 
 
-def _first_sides(edges: Edges) -> IntArray:
-    """The first side 3 t + c that each edge is, shape (E,)."""
-    return np.unique(edges.of_triangle, return_index=True)[1]
+def _first_sides(unfolded: Unfolded, triangles: IntArray) -> IntArray:
+    """The first side 3 t + c that the edge of each side of some triangles (n,) is, shape (n, 3)."""
+    own, beyond = 3 * triangles[:, None] + np.arange(3), unfolded.neighbour[triangles]
+    return np.where(beyond < 0, own, np.minimum(own, 3 * beyond + unfolded.side[triangles]))
 
 
 def _around(
@@ -255,48 +263,59 @@ class Patch:
         both: whether there is a triangle on either side.
         members: the vertices, first both ends, then the third corners of one triangle and of the other, M in all.
         local: where they lie, along the edge and away from the first triangle, from its middle and over its length,
-            shape (M, 2).
+            M pairs.
     """
 
     def __init__(self, cloth: MeshCloth, unfolded: Unfolded, triangle: int, side: int) -> None:
         """The two triangles beside a side of one."""
         self._cloth, self._unfolded = cloth, unfolded
-        faces, corners = cloth.faces[triangle], cloth.corners[triangle]
-        a, b = corners[side], corners[(side + 1) % 3]
-        self._middle, length = 0.5 * (a + b), float(np.linalg.norm(b - a))
-        along = (b - a) / length
-        away = np.array([along[1], -along[0]])
-        away *= -np.sign((corners[(side + 2) % 3] - a) @ away)
-        self._axes = np.stack([along, away], axis=1) / length
+        faces, corners = cloth.faces[triangle].tolist(), cloth.corners[triangle].tolist()
+        (ax, ay), (bx, by), (px, py) = (corners[(side + step) % 3] for step in range(3))
+        self._middle, length = (0.5 * (ax + bx), 0.5 * (ay + by)), math.hypot(bx - ax, by - ay)
+        x, y = (bx - ax) / length, (by - ay) / length
+        turned = -1.0 if (px - ax) * y - (py - ay) * x > 0.0 else 1.0
+        self._axes = (x / length, y / length), (turned * y / length, -turned * x / length)
         beyond = int(unfolded.neighbour[triangle, side])
         self.both = beyond >= 0
-        second = cloth.faces[beyond, (unfolded.side[triangle, side] + 2) % 3] if self.both else faces[side]
-        self._places: dict[int, FloatArray] = {}
-        self._frames: dict[int, tuple[FloatArray, FloatArray]] = {}
-        self._add(triangle, np.eye(2), np.zeros(2))
+        second = int(cloth.faces[beyond, (unfolded.side[triangle, side] + 2) % 3]) if self.both else faces[side]
+        self._places: dict[int, tuple[float, float]] = {}
+        self._frames: dict[int, Frame] = {}
+        self._add(triangle, STILL)
         if self.both:
-            self._add(beyond, unfolded.turn[triangle, side], unfolded.shift[triangle, side])
-        first = [*(int(faces[(side + step) % 3]) for step in range(3)), int(second)]
+            self._add(beyond, self._beside(triangle, side, STILL))
+        first = [*(faces[(side + step) % 3] for step in range(3)), second]
         self._order, self._outermost = first, list(self._frames)
 
     def grow(self) -> None:
         """Take in the neighbours of all triangles."""
-        u, added = self._unfolded, len(self._frames)
+        added = len(self._frames)
         for here in self._outermost:
-            turn, shift = self._frames[here]
-            for c in range(3):
-                there = int(u.neighbour[here, c])
+            frame = self._frames[here]
+            for c, there in enumerate(self._unfolded.neighbour[here].tolist()):
                 if there >= 0 and there not in self._frames:
-                    self._add(there, turn @ u.turn[here, c], turn @ u.shift[here, c] + shift)
+                    self._add(there, self._beside(here, c, frame))
         self._outermost = list(self._frames)[added:]
         self.members = [*self._order, *(v for v in self._places if v not in self._order)]
-        self.local = (np.array([self._places[v] for v in self.members]) - self._middle) @ self._axes
+        x, y = self._middle
+        (p, q), (r, s) = self._axes
+        offsets = ((u - x, v - y) for u, v in map(self._places.__getitem__, self.members))
+        self.local = [(p * u + q * v, r * u + s * v) for u, v in offsets]
 
-    def _add(self, triangle: int, turn: FloatArray, shift: FloatArray) -> None:
-        self._frames[triangle] = turn, shift
-        places = self._cloth.corners[triangle] @ turn.T + shift
-        for vertex, place in zip(self._cloth.faces[triangle].tolist(), places, strict=True):
-            self._places.setdefault(vertex, place)
+    def _beside(self, triangle: int, side: int, frame: Frame) -> Frame:
+        """The frame of the triangle beyond a side of one in a frame."""
+        (a, b), (c, d), (x, y) = frame
+        (e, f), (g, h) = self._unfolded.turn[triangle, side].tolist()
+        u, v = self._unfolded.shift[triangle, side].tolist()
+        turn = (a * e + b * g, a * f + b * h), (c * e + d * g, c * f + d * h)
+        return *turn, (a * u + b * v + x, c * u + d * v + y)
+
+    def _add(self, triangle: int, frame: Frame) -> None:
+        self._frames[triangle] = frame
+        (a, b), (c, d), (x, y) = frame
+        faces, corners = self._cloth.faces[triangle].tolist(), self._cloth.corners[triangle].tolist()
+        for vertex, (u, v) in zip(faces, corners, strict=True):
+            if vertex not in self._places:
+                self._places[vertex] = a * u + b * v + x, c * u + d * v + y
 
 
 def _grown(patches: list[Patch]) -> list[tuple[IntArray, FloatArray]]:
@@ -311,6 +330,8 @@ def _grown(patches: list[Patch]) -> list[tuple[IntArray, FloatArray]]:
             break
         for patch in left:
             patch.grow()
+        if taken_in < GROWN and all(len(patch.members) < QUADRATIC for patch in left):
+            continue
         most = max(len(patch.members) for patch in left)
         local, inside = np.zeros((len(left), most, 2)), np.zeros((len(left), most), dtype=bool)
         for place, patch in enumerate(left):

@@ -22,6 +22,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
+Spare = int | None
+"""From which vertex on all are spare, with lists that have room; None where there are none."""
+
+
 class Rows(NamedTuple):
     """Where items, owned by one of their vertices, stand: `item` (L,) is at `row` of `total` rows, below `owner`.
 
@@ -37,15 +41,23 @@ class Rows(NamedTuple):
 
 def mesh_springs_record(springs: Springs, vertices: int, dtype: type[np.floating]) -> MeshSprings:
     """Lay out the springs of a mesh in a solver's precision."""
-    pairs, rows = _share_out(np.stack([springs.first, springs.second], axis=1), vertices)
-    return MeshSprings(
+    return springs_in_rows(springs, vertices, dtype)[0]
+
+
+def springs_in_rows(
+    springs: Springs, vertices: int, dtype: type[np.floating], spare: Spare = None
+) -> tuple[MeshSprings, IntArray, Rows]:
+    """The same, with the ends of springs (E, 2), owners first, and where they stand; with room where any are spare."""
+    pairs, rows = _share_out(np.stack([springs.first, springs.second], axis=1), vertices, more=spare is not None)
+    record = MeshSprings(
         rows=rows.used,
         second=_table(rows, pairs[:, 1], np.arange(vertices), np.uint32),
         stiffness=_table(rows, springs.stiffness, np.zeros(vertices), dtype),
         rest=_table(rows, springs.rest, np.ones(vertices), dtype),
-        **_lists(rows, pairs[:, 1:], vertices),
+        **_lists(rows, pairs[:, 1:], vertices, spare=spare),
         **_room(rows.total, vertices, 1, dtype),
     )
+    return record, pairs, rows
 
 
 def mesh_bends_record(springs: Springs, vertices: int, dtype: type[np.floating]) -> MeshBends:
@@ -53,7 +65,7 @@ def mesh_bends_record(springs: Springs, vertices: int, dtype: type[np.floating])
     matrix = bend_matrix(springs, vertices)
     row = np.repeat(np.arange(vertices), np.diff(matrix.indptr))
     apart = (matrix.indices != row) & (matrix.data != 0.0)
-    return _bend_rows(row[apart], matrix.indices[apart], -matrix.data[apart], vertices, dtype)
+    return _bend_rows(row[apart], matrix.indices[apart], -matrix.data[apart], np.arange(vertices), dtype)
 
 
 def thinned(bends: MeshBends, least: FloatArray, dtype: type[np.floating]) -> MeshBends:
@@ -64,21 +76,50 @@ def thinned(bends: MeshBends, least: FloatArray, dtype: type[np.floating]) -> Me
     count = len(least)
     row, others = np.repeat(np.arange(count), np.diff(bends.start)), bends.others.astype(np.int64)
     kept = np.abs(bends.weight) > np.minimum(least[row], least[others])
-    return _bend_rows(row[kept], others[kept], bends.weight[kept], count, dtype)
+    return _bend_rows(row[kept], others[kept], bends.weight[kept], np.arange(count), dtype)
 
 
 def _bend_rows(
-    row: IntArray, others: IntArray, weight: NDArray[np.floating], vertices: int, dtype: type[np.floating]
+    row: IntArray, others: IntArray, weight: NDArray[np.floating], own: IntArray, dtype: type[np.floating]
 ) -> MeshBends:
-    """Lay out rows from their entries, sorted by row; see `MeshBends`."""
-    count = np.bincount(row, minlength=vertices)
+    """Lay out the rows of some vertices (n,) from their entries, sorted by row; see `MeshBends`."""
+    count = np.bincount(row, minlength=len(own))
     width = count + -count % SUMS
     start = np.concatenate([[0], np.cumsum(width)])
     place = start[row] + np.arange(len(row)) - (np.cumsum(count) - count)[row]
-    table = np.repeat(np.arange(vertices, dtype=np.uint32), width)
+    table = np.repeat(own.astype(np.uint32), width)
     weights: NDArray[Any] = np.zeros(start[-1], dtype)
     table[place], weights[place] = others, weight
-    return MeshBends(start, table, weights, aligned(SIDE * vertices, dtype))
+    return MeshBends(start, table, weights, aligned(SIDE * len(own), dtype))
+
+
+def bent_at(springs: Springs, chosen: NDArray[np.bool_]) -> IntArray:
+    """Triangles whose bends, three of each, lead to some chosen vertices (N,)."""
+    vertices = springs.bend_vertices[::3]
+    return np.unique(np.flatnonzero(chosen[vertices]) // max(vertices.shape[1], 1))
+
+
+def bend_rows(springs: Springs, rows: IntArray, vertices: int, dtype: type[np.floating]) -> MeshBends:
+    """Lay out some rows (n,), in their order, of the bending of a mesh whose springs by threes have the same
+    vertices."""
+    wanted = np.zeros(vertices, bool)
+    wanted[rows] = True
+    bends = (3 * bent_at(springs, wanted)[:, None] + np.arange(3)).ravel()
+    members = springs.bend_vertices[bends]
+    wanted[members] = True
+    columns = np.flatnonzero(wanted)
+    number = np.cumsum(wanted) - 1
+    rooted = np.sqrt(springs.bend_stiffness[bends])[:, None] * springs.bend_coefficients[bends]
+    own = np.full(vertices, -1)
+    own[rows] = np.arange(len(rows))
+    bend, member = np.nonzero((own[members] >= 0) & (rooted != 0.0))
+    place = own[members[bend, member], None] * len(columns) + number[members[bend]]
+    products = rooted[bend, member, None] * rooted[bend]
+    sums = np.bincount(place.ravel(), products.ravel(), len(rows) * len(columns))
+    matrix = sums.reshape(len(rows), -1).astype(float)
+    matrix[np.arange(len(rows)), number[rows]] = 0.0
+    row, column = np.nonzero(matrix)
+    return _bend_rows(row, columns[column], -matrix[row, column], rows, dtype)
 
 
 def bend_matrix(springs: Springs, vertices: int) -> Any:
@@ -96,15 +137,32 @@ def bend_matrix(springs: Springs, vertices: int) -> Any:
 
 def mesh_membrane_record(membrane: Membrane, vertices: int, dtype: type[np.floating]) -> MeshMembrane:
     """Lay out the membrane of a mesh in a solver's precision."""
-    owned, rows = _share_out(membrane.faces, vertices)
-    # The first corner of each triangle is its owner now: so are its slopes turned.
-    first, second = membrane.slopes[:, 0], membrane.slopes[:, 1]
+    return membrane_in_rows(membrane, vertices, dtype)[0]
+
+
+def turned_slopes(membrane: Membrane, triangles: IntArray, owners: IntArray) -> FloatArray:
+    """Slopes of some triangles (n,) [1/m], as they are from other corners of theirs (n,), shape (n, 4)."""
+    first, second = membrane.slopes[triangles, 0], membrane.slopes[triangles, 1]
     by_corner = np.stack([-first - second, first, second], axis=1)
-    place = np.argmax(membrane.faces == owned[:, :1], axis=1)
-    others = [by_corner[np.arange(len(owned)), (place + step) % 3] for step in (1, 2)]
+    place = np.argmax(membrane.faces[triangles] == owners[:, None], axis=1)
+    return np.concatenate([by_corner[np.arange(len(place)), (place + step) % 3] for step in (1, 2)], axis=1)
+
+
+def smoothing_of(membrane: Membrane, triangles: IntArray) -> FloatArray:
+    """Area times the shares of a triangle's own strain and its neighbours', of some (n,) [m2], shape (n, 4)."""
+    shares = np.concatenate([membrane.own[triangles, None], membrane.share[triangles]], axis=1)
+    return membrane.area[triangles, None] * shares
+
+
+def membrane_in_rows(
+    membrane: Membrane, vertices: int, dtype: type[np.floating], spare: Spare = None
+) -> tuple[MeshMembrane, IntArray, Rows]:
+    """The same, with the corners of triangles (T, 3), owners first, and where they stand; with room where any are
+    spare."""
+    owned, rows = _share_out(membrane.faces, vertices)
     standing = np.zeros(len(owned), dtype=np.int64)
     standing[rows.item] = _places(rows, 1)
-    smoothing = membrane.area[:, None] * np.concatenate([membrane.own[:, None], membrane.share], axis=1)
+    every = np.arange(len(owned))
     itself, none, c = np.arange(vertices), np.zeros(vertices), membrane.stiffness
     blocks = -(-vertices // BLOCK)
 
@@ -113,18 +171,19 @@ def mesh_membrane_record(membrane: Membrane, vertices: int, dtype: type[np.float
 
     kept: dict[str, Any] = _room(rows.total, vertices, 2, dtype)
     kept["forces"] = np.zeros((2 * blocks * rows.total + 1) * ENDS, dtype)
-    return MeshMembrane(
+    record = MeshMembrane(
         tension=Tension(float(c[0, 0]), float(c[1, 1]), float(c[0, 1]), float(c[2, 2])),
         second=_table(rows, owned[:, 1], itself, np.uint32),
         third=_table(rows, owned[:, 2], itself, np.uint32),
-        slopes=tables(np.concatenate(others, axis=1), none, dtype),
+        slopes=tables(turned_slopes(membrane, every, owned[:, 0]), none, dtype),
         neighbours=tables(standing[membrane.neighbours], none, np.uint32),
-        smoothing=tables(smoothing, none, dtype),
+        smoothing=tables(smoothing_of(membrane, every), none, dtype),
         shape=np.zeros(blocks * rows.total * SHAPE, dtype),
         strains=np.zeros(blocks * rows.total * ENDS, dtype),
-        **_lists(rows, owned[:, 1:], vertices, apart=True),
+        **_lists(rows, owned[:, 1:], vertices, apart=True, spare=spare),
         **kept,
     )
+    return record, owned, rows
 
 
 def mesh_air_record(cloth: Cloth, wind: FloatArray, drag: float, lift: float, dtype: type[np.floating]) -> MeshAir:
@@ -132,18 +191,27 @@ def mesh_air_record(cloth: Cloth, wind: FloatArray, drag: float, lift: float, dt
 
     `drag` and `lift` are rho Cd / 12 and rho Cl / 12 [kg/m3].
     """
+    return air_in_rows(cloth, wind, drag, lift, dtype)[0]
+
+
+def air_in_rows(
+    cloth: Cloth, wind: FloatArray, drag: float, lift: float, dtype: type[np.floating], spare: Spare = None
+) -> tuple[MeshAir, IntArray, Rows]:
+    """The same, with the corners of triangles (T, 3), owners first, and where they stand; with room where any are
+    spare."""
     n, triangles = cloth.vertices, cloth.triangles.astype(np.int64)
     owned, rows = _share_out(triangles, n)
     itself = np.arange(n)
-    return MeshAir(
+    record = MeshAir(
         wind=wind,
         drag=drag,
         lift=lift,
         second=_table(rows, owned[:, 1], itself, np.uint32),
         third=_table(rows, owned[:, 2], itself, np.uint32),
-        **_lists(rows, owned[:, 1:], n),
+        **_lists(rows, owned[:, 1:], n, spare=spare),
         **_room(rows.total, n, 2, dtype),
     )
+    return record, owned, rows
 
 
 def _room(rows: int, vertices: int, ends: int, dtype: type[np.floating]) -> dict[str, Any]:
@@ -156,10 +224,10 @@ def _room(rows: int, vertices: int, ends: int, dtype: type[np.floating]) -> dict
     }
 
 
-def _share_out(items: IntArray, vertices: int) -> tuple[IntArray, Rows]:
+def _share_out(items: IntArray, vertices: int, *, more: bool = False) -> tuple[IntArray, Rows]:
     """Give each item (L, m) to one of its m vertices so that all own about as many.
 
-    Returns the items with their owner first, shape (L, m), and where they stand.
+    Returns the items with their owner first, shape (L, m), and where they stand, with one `more` row or not.
     """
     depth = int(np.bincount(items.ravel(), minlength=vertices).max())
     owned, count = np.full((vertices, depth), len(items), dtype=np.int64), np.zeros(vertices, dtype=np.int64)
@@ -174,7 +242,7 @@ def _share_out(items: IntArray, vertices: int) -> tuple[IntArray, Rows]:
         items[item], (place[:, None] + np.arange(items.shape[1])) % items.shape[1], axis=1
     )
     used = np.maximum.reduceat(count, np.arange(0, vertices, BLOCK))
-    return turned, Rows(item, row, owner, int(row.max()) + 1, used)
+    return turned, Rows(item, row, owner, int(row.max()) + 1 + more, used)
 
 
 def _table(rows: Rows, values: NDArray[Any], blank: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
@@ -191,11 +259,12 @@ def _places(rows: Rows, kept: int) -> IntArray:
     return (rows.owner // BLOCK * rows.total + rows.row) * kept * ENDS + rows.owner % BLOCK
 
 
-def _lists(rows: Rows, others: IntArray, vertices: int, *, apart: bool = False) -> dict[str, Any]:
+def _lists(rows: Rows, others: IntArray, vertices: int, *, apart: bool = False, spare: Spare = None) -> dict[str, Any]:
     """For each vertex the places of items that others own, `others` (L, m - 1) being those who do not.
 
     An item keeps the same for all of these, or something for each where they are taken `apart`. Vertices are sorted
-    within their blocks by the length of their lists, so that little is padded.
+    within their blocks by the length of their lists, so that little is padded; those from `spare` on have room for
+    one more than any other.
     """
     kept = others.shape[1] if apart else 1
     place = (
@@ -205,9 +274,11 @@ def _lists(rows: Rows, others: IntArray, vertices: int, *, apart: bool = False) 
     order = np.lexsort((place, vertex))
     place, vertex = place[order], vertex[order]
     count = np.bincount(vertex, minlength=vertices)
-    sorted_vertices = np.lexsort((count, np.arange(vertices) // BLOCK))
+    long = count.copy()
+    long[vertices if spare is None else spare :] = count.max(initial=0) + 1
+    sorted_vertices = np.lexsort((long, np.arange(vertices) // BLOCK))
     slices, blocks = -(-vertices // SLICE), -(-vertices // BLOCK)
-    width = np.pad(count[sorted_vertices], (0, slices * SLICE - vertices)).reshape(slices, SLICE).max(axis=1)
+    width = np.pad(long[sorted_vertices], (0, slices * SLICE - vertices)).reshape(slices, SLICE).max(axis=1)
     start = np.concatenate([[0], np.cumsum(width * SLICE)])
     incoming = np.full(start[-1], blocks * rows.total * kept * ENDS, np.uint32)
     nth = np.arange(len(vertex)) - (np.cumsum(count) - count)[vertex]

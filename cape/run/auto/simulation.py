@@ -71,7 +71,9 @@ class AutoSimulation(Simulation):
             ValueRangeError: the number of threads is not positive, or the cloth may tear.
         """
         if scene.tearing is not None:
-            raise ValueRangeError("a cloth that may tear can't be tried with several solvers: name one")
+            raise ValueRangeError(
+                "what has torn can't be taken back to try another solver, or other steps: name a solver"
+            )
         super().__init__(scene, solver=XPBD(), threads=threads, cuts=cuts)
         self.asked = asked
         self.errors: list[StepError] = []

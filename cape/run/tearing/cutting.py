@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.cloth.meshing import as_mesh
-from cape.run.tearing.refit import split_mesh
-from cape.run.tearing.sheets import sheet_of
+from cape.run.tearing.sheets import sheet_of, split_mesh
 from cape.run.tearing.tears import edges_along
 from motions.border import checked
 from motions.errors import ValueRangeError

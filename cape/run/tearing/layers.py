@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.self_contact import cut_into_patches, rest_shape
-from cape.cloth.cloth import Cloth, GridCloth
+from cape.cloth.cloth import Cloth
 from cape.cloth.split_grid import SplitGrid
+from cape.cloth.split_mesh import SplitMesh
 from cape.kernels.self_contact.near_pairs import Pairs
 from cape.kernels.self_contact.self_contact import Layers
 
@@ -19,13 +20,16 @@ IntArray = NDArray[np.int64]
 
 
 def split_layers(layers: Layers, cloth: Cloth) -> bool:
-    """Follow a grid that has split; False, with nothing changed, where there is no room or it is no such grid."""
-    if not isinstance(cloth, SplitGrid):
+    """Follow a cloth that has split; False, with nothing changed, where there is no room, where it has no spare
+    vertices, or where its patches are not those of the whole cloth."""
+    if not isinstance(cloth, SplitGrid | SplitMesh):
         return False
-    patches, count = layers.patches, cloth.vertices
+    patches, count, order = layers.patches, cloth.vertices, patch_order(cloth.whole)
+    if not np.array_equal(cloth.parents[patches.triangles.T], cloth.whole.triangles[order]):
+        return False
     pieces = len(patches.triangle_start) - 1
     owner = np.repeat(np.arange(pieces), np.diff(patches.triangle_start))
-    triangles = cloth.triangles[patch_order(cloth.whole)].astype(np.int64)
+    triangles = cloth.triangles[order].astype(np.int64)
     ahead = np.roll(triangles, -1, axis=1)
     sides = (np.minimum(triangles, ahead) * count + np.maximum(triangles, ahead)).ravel()
     edges, edge_start = _by_patch(sides, np.repeat(owner, 3), pieces)
@@ -45,8 +49,8 @@ def split_layers(layers: Layers, cloth: Cloth) -> bool:
 
 
 @lru_cache(maxsize=8)
-def patch_order(whole: GridCloth) -> IntArray:
-    """The triangles of a whole grid in the order of its patches (T,)."""
+def patch_order(whole: Cloth) -> IntArray:
+    """The triangles of a whole cloth in the order of its patches (T,)."""
     triangles, count = whole.triangles.astype(np.int64), whole.vertices
     patches, _ = cut_into_patches(whole.triangles, rest_shape(whole))
     place, key = np.array([count * count, count, 1]), patches.triangles.T.astype(np.int64)

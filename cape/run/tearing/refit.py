@@ -1,8 +1,8 @@
 """How the arrays of a running cloth follow what has split.
 
 A grid has spare vertices, and lists with room for all that its cells may leave astray: what has changed is written in
-place, and the programs of a frame stay as they are. A mesh, and a grid whose spare vertices are used up, are assembled
-anew, which takes the time of many frames.
+place, and the programs of a frame stay as they are. A grid whose spare vertices are used up is assembled anew, which
+takes the time of many frames. Of meshes `cape.run.tearing.refit_mesh` tells.
 """
 
 from dataclasses import replace
@@ -15,7 +15,6 @@ from cape.assembly.assemble import Assembly, assemble, inverse_of, spare_rows
 from cape.assembly.grid.limits import fill_links, longest_threads
 from cape.assembly.grid.split_springs import Changed, SplitSprings, move_springs
 from cape.assembly.self_contact import layers_of
-from cape.cloth.cloth import MeshCloth
 from cape.cloth.split_grid import SplitGrid
 from cape.forces.air import Air
 from cape.forces.elastic import Elastic
@@ -32,14 +31,13 @@ IntArray = NDArray[np.int64]
 
 
 def refit(cloth: Hanging, sheet: Sheet, copies: IntArray) -> float:
-    """Have a cloth go on split as a sheet is, whose last vertices are copies of the given ones.
+    """Have a grid go on split as a sheet is, whose last vertices are copies of the given ones.
 
     They are where those are, and as fast; masses are those of the triangles that each is left with.
     What was stored in what no longer resists is given [J].
     """
     grid = cloth.assembly.cloth
-    if not isinstance(grid, SplitGrid):
-        return _assemble_mesh(cloth, sheet, copies)
+    assert isinstance(grid, SplitGrid)
     if sheet.vertices > grid.vertices:
         _enlarge(cloth, sheet.vertices)
         grid = cloth.assembly.cloth
@@ -53,9 +51,9 @@ def refit(cloth: Hanging, sheet: Sheet, copies: IntArray) -> float:
     assert isinstance(springs, SplitSprings)
     changed = move_springs(springs, grid, moved)
     assembly = replace(cloth.assembly, cloth=grid, springs=replace(springs))
-    _weigh(assembly, first, sheet.vertices)
+    weigh(assembly, first, sheet.vertices)
     if assembly.contacts.faces is not None:
-        _move_faces(assembly, before.triangles, grid.triangles)
+        move_faces(assembly, before.triangles, grid.triangles)
     _fill(cloth.running.arrays, assembly, changed, moved)
     let_go(assembly)
     _limit(cloth, assembly)
@@ -74,7 +72,7 @@ def look_at_layers(cloth: Hanging) -> None:
     cloth.running.go_on_with(cloth.assembly)
 
 
-def _weigh(assembly: Assembly, first: int, after: int) -> None:
+def weigh(assembly: Assembly, first: int, after: int) -> None:
     """Set masses, and set vertices free that were spare and are copies of free ones."""
     mass = assembly.cloth.masses()
     assembly.free[first:after] = True
@@ -83,7 +81,7 @@ def _weigh(assembly: Assembly, first: int, after: int) -> None:
     assembly.inverse_mass[:] = inverse_of(mass, assembly.free)
 
 
-def _move_faces(assembly: Assembly, before: NDArray[np.int32], now: NDArray[np.int32]) -> None:
+def move_faces(assembly: Assembly, before: NDArray[np.int32], now: NDArray[np.int32]) -> None:
     """Give triangles that colliders could poke through their corners, which were others before, shape (T, 3)."""
     faces = assembly.contacts.faces
     assert faces is not None
@@ -115,11 +113,15 @@ def _fill(arrays: Any, assembly: Assembly, changed: Changed, cells: IntArray) ->
     if Air in forces:
         forces[Air].air.cells[grid.whole_cells[cells, 0]] = 0.0
         fill_air(forces[StraysInAir].air, grid)
-    wind = assembly.scene.wind
-    if ViscousAir in forces and wind is not None:
-        forces[ViscousAir].skin.drag[:] = wind.viscous / grid.fabric.density * assembly.mass
-    arrays.inertia.mass[:], arrays.inertia.free[:] = assembly.mass, assembly.free
-    arrays.inertia.inverse_mass[:] = assembly.inverse_mass
+    write_masses(arrays, assembly)
+
+
+def write_masses(arrays: Any, assembly: Assembly) -> None:
+    """Write masses, and the drag of what sticks to them, into the arrays of a solver."""
+    inertia, wind = arrays.inertia, assembly.scene.wind
+    if ViscousAir in arrays.forces and wind is not None:
+        arrays.forces[ViscousAir].skin.drag[:] = wind.viscous / assembly.cloth.fabric.density * assembly.mass
+    inertia.mass[:], inertia.free[:], inertia.inverse_mass[:] = assembly.mass, assembly.free, assembly.inverse_mass
 
 
 def _limit(cloth: Hanging, assembly: Assembly) -> None:
@@ -139,10 +141,10 @@ def _enlarge(cloth: Hanging, vertices: int) -> None:
     rows = grid.rows - grid.whole.rows + max(missing, spare_rows(grid.whole))
     larger = SplitGrid.of(grid.whole, rows).split(grid.corners, grid.parents)
     grown = assemble(assembly.scene, cloth.held, threads=len(assembly.ranks), split=larger)
-    _go_on_in(cloth, grown, State(*(grown.inwards(component[: grid.in_use]) for component in cloth.state)))
+    go_on_in(cloth, grown, State(*(grown.inwards(component[: grid.in_use]) for component in cloth.state)))
 
 
-def _go_on_in(cloth: Hanging, assembly: Assembly, state: State) -> None:
+def go_on_in(cloth: Hanging, assembly: Assembly, state: State) -> None:
     """Have a cloth go on in another assembly of the same bones and what they hold, at a state about its origin."""
     for now, before in zip(assembly.carried, cloth.assembly.carried, strict=True):
         now.points[:], now.lift[:], now.drift[:] = before.points, before.lift, before.drift
@@ -152,42 +154,3 @@ def _go_on_in(cloth: Hanging, assembly: Assembly, state: State) -> None:
     assembly.wind[:] = cloth.assembly.wind
     cloth.begin_in(assembly, state)
     cloth.look()
-
-
-def _assemble_mesh(cloth: Hanging, sheet: Sheet, copies: IntArray) -> float:
-    """Assemble a mesh anew as it has split; gives by how much less energy it stores [J]."""
-    assembly, stored = cloth.assembly, _elastic_energy(cloth)
-    mesh = assembly.scene.cloth
-    assert isinstance(mesh, MeshCloth)
-    split = split_mesh(mesh, sheet, copies)
-    state = [np.concatenate([values, values[copies]]) for values in map(assembly.outwards, cloth.state)]
-    scene = replace(
-        assembly.scene,
-        cloth=split,
-        attachments=[replace(each, cloth_vertices=split.vertices) for each in assembly.scene.attachments],
-        confinements=[
-            replace(each, animated=replace(each.animated, cloth_vertices=split.vertices))
-            for each in assembly.scene.confinements
-        ],
-    )
-    grown = assemble(scene, cloth.held, threads=len(assembly.ranks))
-    _go_on_in(cloth, grown, State(*(np.ascontiguousarray(grown.inwards(values)) for values in state)))
-    return stored - _elastic_energy(cloth)
-
-
-def _elastic_energy(cloth: Hanging) -> float:
-    return Elastic.energy(cloth.assembly, np.stack(cloth.state[:3], axis=1).astype(float))
-
-
-def split_mesh(mesh: MeshCloth, sheet: Sheet, copies: IntArray) -> MeshCloth:
-    """A mesh as a sheet of it has split, with copies of some of its vertices behind the others."""
-    grown = {
-        name: np.concatenate([getattr(mesh, name), getattr(mesh, name)[copies]]) for name in ("pattern", "positions")
-    }
-    threads = mesh.threads
-    if threads is not None:
-        ends = np.sort(np.stack([sheet.cells, np.roll(sheet.cells, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-        usual = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-        along = np.isin(usual @ [mesh.vertices, 1], threads @ [mesh.vertices, 1])
-        threads = np.unique(ends[along], axis=0)
-    return replace(mesh, faces=sheet.cells, threads=threads, **grown)

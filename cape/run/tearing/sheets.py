@@ -1,10 +1,14 @@
 """From a cloth to the sheet that splits, and back to triangles."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.cloth.cloth import Cloth, GridCloth, areas
+from cape.cloth.cloth import Cloth, GridCloth, MeshCloth, areas
 from cape.run.tearing.sheet import Sheet
+
+IntArray = NDArray[np.int64]
 
 AROUND = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))  # along the sides of a grid's cells
 
@@ -29,3 +33,17 @@ def triangles_of(cloth: Cloth, sheet: Sheet) -> NDArray[np.int32]:
     if not isinstance(cloth, GridCloth):
         return cells
     return np.concatenate([cells[:, [0, 3, 1]], cells[:, [2, 1, 3]]])
+
+
+def split_mesh(mesh: MeshCloth, sheet: Sheet, copies: IntArray) -> MeshCloth:
+    """A mesh as a sheet of it has split, with copies of some of its vertices behind the others."""
+    grown = {
+        name: np.concatenate([getattr(mesh, name), getattr(mesh, name)[copies]]) for name in ("pattern", "positions")
+    }
+    threads = mesh.threads
+    if threads is not None:
+        ends = np.sort(np.stack([sheet.cells, np.roll(sheet.cells, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+        usual = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+        along = np.isin(usual @ [mesh.vertices, 1], threads @ [mesh.vertices, 1])
+        threads = np.unique(ends[along], axis=0)
+    return replace(mesh, faces=sheet.cells, threads=threads, **grown)

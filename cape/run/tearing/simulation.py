@@ -10,10 +10,11 @@ from cape.cloth.cloth import GridCloth
 from cape.cloth.meshing import as_mesh
 from cape.results.topology import Topology
 from cape.run.hanging import Hanging
+from cape.run.tearing.refit_mesh import give_up_spares
 from cape.run.tearing.tears import Tears
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
-from cape.solvers import Solver, SymplecticEuler
+from cape.solvers import Solver
 from motions.errors import ValueRangeError
 
 
@@ -93,6 +94,13 @@ class MayTear(ABC):
             raise ValueRangeError("only a cloth that may tear can be torn by hand: give its scene a Tearing")
         return self._tears.part(self._started, vertices)
 
+    def _go_on_with(self, solver: Solver) -> None:
+        """Have the cloth go on with another solver, without spare vertices where that steps none."""
+        cloth = self._started
+        if not solver.splits:
+            give_up_spares(cloth)
+        cloth.change_solver(solver)
+
     def _require_whole(self) -> None:
         if self.tears:
             raise ValueRangeError("a cloth that has torn can't be taken back to before, nor another one to where it is")
@@ -117,7 +125,7 @@ class MayTear(ABC):
 
 
 def tearable(scene: Scene, solver: Solver) -> Scene:
-    """The scene with a cloth that splits under a solver: only symplectic Euler steps grids that have split."""
-    if scene.tearing is None or isinstance(solver, SymplecticEuler) or not isinstance(scene.cloth, GridCloth):
+    """The scene with a cloth that splits under a solver: not all step grids that have split."""
+    if scene.tearing is None or solver.splits or not isinstance(scene.cloth, GridCloth):
         return scene
     return replace(scene, cloth=as_mesh(scene.cloth))

@@ -7,8 +7,8 @@ few edges at each of its tips then, and what is left bears the load by its sprin
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cape.cloth.cloth import GridCloth
 from cape.cloth.split_grid import SplitGrid
+from cape.cloth.split_mesh import SplitMesh
 from cape.kernels.state import State
 from cape.kernels.store import Request
 from cape.run.hanging import Hanging
@@ -17,6 +17,7 @@ from cape.run.tearing.cracks import parting
 from cape.run.tearing.layers import patch_order
 from cape.run.tearing.loads import Loads, Scale
 from cape.run.tearing.refit import look_at_layers, refit
+from cape.run.tearing.refit_mesh import refit_mesh
 from cape.run.tearing.sheet import Edge, Sheet
 from cape.run.tearing.sheets import sheet_of, triangles_of
 from motions.errors import ValueRangeError
@@ -49,8 +50,9 @@ class Tears:
         self.released = 0.0
         self._scale = Scale(self._cloth, scene.tearing)
         self._wary, self._layers_known = False, True
-        if cloth.assembly.layers is not None and isinstance(self._cloth, GridCloth):
-            patch_order(self._cloth)  # which is remembered, so that no frame takes the time
+        split = cloth.assembly.cloth
+        if cloth.assembly.layers is not None and isinstance(split, SplitGrid | SplitMesh):
+            patch_order(split.whole)  # which is remembered, so that no frame takes the time
 
     def parts(self, cloth: Hanging, substeps: int) -> int:
         """In how many parts the next frame of so many substeps is to be taken."""
@@ -101,9 +103,11 @@ class Tears:
         """Go on with another sheet, whose last vertices are copies of the given ones."""
         if not len(copies):
             return
-        self.released += refit(cloth, sheet, copies)
+        known, of_grid = cloth.assembly.layers, isinstance(cloth.assembly.cloth, SplitGrid)
+        self.released += (refit if of_grid else refit_mesh)(cloth, sheet, copies)
         self.sheet = sheet
-        self._layers_known = cloth.assembly.layers is None or not isinstance(cloth.assembly.cloth, SplitGrid)
+        # A mesh that was laid out anew was so as it has split.
+        self._layers_known = known is None or not (of_grid or cloth.assembly.layers is known)
 
 
 def edges_along(sheet: Sheet, vertices: ArrayLike) -> list[Edge]:

@@ -1,0 +1,216 @@
+"""How stiff the edges and cross springs of a mesh are in its plane: fits of patches, shared out between them.
+
+See `cape.assembly.mesh.springs` for what is fitted. All is kept by side: side 3 t + c of triangle t leads from its
+corner c to the next, and the first of an edge's two sides stands for the edge. Where an edge parts its patch is gone,
+and what its triangles gave to that goes to their other patches: the fits of those stay as they are.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.cloth.cloth import MeshCloth
+from cape.cloth.fabric import Fabric
+from cape.cloth.triangle_mesh import Edges
+from cape.kernels.cloth.fit import fit_weights
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# An edge keeps at least this share of what it would carry if the cloth were stretched along it and nothing else held.
+LEAST_SHARE = 0.01
+# A cross spring with less than this share is left out.
+NEGLIGIBLE = 1e-3
+SWEEPS = 200  # of the fit
+RIDGE = 1e-6  # of the fit, relative: shares stiffness evenly between springs that do the same
+SHARPNESS = 1e-6  # squared relative misfit at which a patch gets half of the area it gets when it is exact
+ASIDE = 1e-6  # of that area, at least, for a patch whose cross spring does not cross the shared edge
+ALIKE = 1e-9  # by which the product of the tensors of springs that lie alike is less than one
+
+
+@dataclass(frozen=True, eq=False)
+class InPlane:
+    """The fits of a mesh of T triangles, which may split: `part` changes them in place.
+
+    Attributes:
+        cloth: the mesh, of which only corners and fabric are used.
+        area: of its triangles, times the layers [m2], shape (T,).
+        mate: the other side of the edge that each side is, itself at a border, shape (3 T,).
+        weight: what the patch of each side's edge asks of that edge, and of the next two sides of the side's triangle,
+            times an area [N/m], shape (3 T, 3); 0 at a border.
+        cross: what it asks of its cross spring, shape (3 T,).
+        trust: how much of a triangle's area goes to it, against the triangle's other patches, shape (3 T,).
+        misfit: how far it is from the fabric, relative, shape (3 T,).
+        length: of each side [m], shape (3 T,).
+        cross_length: of the cross spring over it [m], shape (3 T,).
+    """
+
+    cloth: MeshCloth
+    area: FloatArray
+    mate: IntArray
+    weight: FloatArray
+    cross: FloatArray
+    trust: FloatArray
+    misfit: FloatArray
+    length: FloatArray
+    cross_length: FloatArray
+
+    def part(self, sides: IntArray) -> None:
+        """Let edges be borders, both sides of each given (n,)."""
+        self.mate[sides] = sides
+        self.weight[sides], self.cross[sides], self.trust[sides] = 0.0, 0.0, 0.0
+
+    def edge_lengths(self, sides: IntArray) -> FloatArray:
+        """Rest lengths of the edges that some sides (n,) are [m], shape (n,)."""
+        return 0.5 * (self.length[sides] + self.length[self.mate[sides]])
+
+    def edge_stiffness(self, sides: IntArray) -> FloatArray:
+        """Stiffness of the edges that some sides (n,) are [N/m], shape (n,)."""
+        both = np.stack([sides, self.mate[sides]])
+        there = np.stack([np.ones(len(sides), bool), both[1] != sides])
+        before = np.stack([sides, *(corner(both, 3 - step)[k] for k in range(2) for step in (1, 2))])
+        taken = self._taken(before.ravel()).reshape(before.shape)
+        alone = self._carried_alone(both.ravel()).reshape(both.shape)
+        carried = taken[0] * self.weight[sides, 0]
+        for k in range(2):
+            for step in (1, 2):
+                place = 2 * k + step
+                carried += there[k] * taken[place] * self.weight[before[place], step]
+            carried += there[k] * alone[k]
+        least = LEAST_SHARE * self._stretched_along(sides)
+        return np.maximum(carried, least) / self.edge_lengths(sides) ** 2
+
+    def cross_stiffness(self, sides: IntArray) -> FloatArray:
+        """Stiffness of the cross springs over the edges that some sides (n,) are [N/m], shape (n,); 0 for none."""
+        carried = self._taken(sides) * self.cross[sides]
+        slight = carried < NEGLIGIBLE * self._stretched_along(sides)
+        return np.where(slight, 0.0, carried) / self.cross_length[sides] ** 2
+
+    def missed(self) -> float:
+        """Root mean square of how far patches are from the fabric, by area."""
+        sides = np.arange(len(self.mate))
+        first = sides[self.mate > sides]
+        alone = np.flatnonzero((self.mate == sides).reshape(-1, 3).all(axis=1))
+        _, misfit = self._fit_alone(alone)
+        total = self._taken(first) @ self.misfit[first] ** 2 + self.area[alone] @ misfit**2
+        return float((total / self.area.sum()) ** 0.5)
+
+    def _taken(self, sides: IntArray) -> FloatArray:
+        """Area that the patches of edges get of their two triangles [m2], shape (n,); 0 at borders."""
+        taken = np.zeros(len(sides))
+        for own in (sides, self.mate[sides]):
+            triangle = own // 3
+            total = self.trust.reshape(-1, 3)[triangle].sum(axis=1)
+            taken += self.trust[sides] * self.area[triangle] / np.where(total > 0.0, total, 1.0)
+        return taken
+
+    def _stretched_along(self, sides: IntArray) -> FloatArray:
+        """The lesser stiffness of threads times a third of the area beside edges [N m], shape (n,)."""
+        fabric, mate = self.cloth.fabric, self.mate[sides]
+        around = self.area[sides // 3] / 3.0 + np.where(mate == sides, 0.0, self.area[mate // 3] / 3.0)
+        return min(fabric.stretch_warp, fabric.stretch_weft) * around
+
+    def _carried_alone(self, sides: IntArray) -> FloatArray:
+        """What sides carry of triangles without neighbours, which have no patches [N m], shape (n,)."""
+        triangles, of = np.unique(sides // 3, return_inverse=True)
+        own = 3 * triangles[:, None] + np.arange(3)
+        alone = np.flatnonzero((self.mate[own] == own).all(axis=1))
+        carried = np.zeros((len(triangles), 3))
+        if len(alone):
+            weight, _ = self._fit_alone(triangles[alone])
+            carried[alone] = weight * self.area[triangles[alone], None]
+        return carried[of, sides % 3]
+
+    def _fit_alone(self, triangles: IntArray) -> tuple[FloatArray, FloatArray]:
+        corners = self.cloth.corners[triangles]
+        return _fit(_tensors(np.roll(corners, -1, axis=1) - corners), target_of(self.cloth.fabric))
+
+
+def fit_in_plane(cloth: MeshCloth, edges: Edges, area: FloatArray) -> InPlane:
+    """Fit the patches of a mesh; `area` [m2] (T,) counts layers."""
+    first, second = edges.sides.T
+    count = 3 * len(area)
+    mate = np.arange(count)
+    mate[first], mate[second] = second, first
+    sides = (np.roll(cloth.corners, -1, axis=1) - cloth.corners).reshape(-1, 2)
+    crossing, apex, edge = _unfold(cloth, edges)
+
+    # The springs of each patch: the shared edge, two more edges of either triangle, the cross spring.
+    tensor = _tensors(sides)
+    others = np.concatenate([corner(edges.sides, 1), corner(edges.sides, 2)], axis=1)
+    patch = np.concatenate(
+        [
+            tensor[edges.sides].mean(axis=1, keepdims=True),
+            tensor[others],
+            _tensors(crossing).mean(axis=1, keepdims=True),
+        ],
+        axis=1,
+    )
+    fitted, missing = _fit(patch, target_of(cloth.fabric))
+    # Where along the shared edge the cross spring passes.
+    share = apex[:, 0, 1] / apex[..., 1].sum(axis=1)
+    passed = (apex[:, 0, 0] + share * (apex[:, 1, 0] - apex[:, 0, 0])) / np.linalg.norm(edge, axis=1)
+    relied = np.maximum(4.0 * passed * (1.0 - passed), ASIDE) / (missing**2 + SHARPNESS)
+
+    weight, (cross, trust, misfit, cross_length) = np.zeros((count, 3)), np.zeros((4, count))
+    weight[first], weight[second] = fitted[:, [0, 1, 3]], fitted[:, [0, 2, 4]]
+    for own in (first, second):
+        cross[own], trust[own], misfit[own] = fitted[:, 5], relied, missing
+        cross_length[own] = np.linalg.norm(crossing, axis=2).mean(axis=1)
+    length = np.linalg.norm(sides, axis=1)
+    return InPlane(cloth, area, mate, weight, cross, trust, misfit, length, cross_length)
+
+
+def target_of(fabric: Fabric) -> FloatArray:
+    """What springs should add up to [N/m], shape (5,): the components that `_tensors` gives."""
+    return np.array([fabric.stretch_weft, fabric.stretch_warp, 6.0**0.5 * fabric.shear, 0.0, 0.0])
+
+
+def corner(sides: IntArray, step: int) -> IntArray:
+    """Places 3 t + c of the corners that many steps after the one a side starts from."""
+    return sides - sides % 3 + (sides + step) % 3
+
+
+def _tensors(vectors: FloatArray) -> FloatArray:
+    """t x t x t x t of the directions of plane vectors (..., 2): five components, whose dot is that of tensors."""
+    t = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    a, b = t[..., 0], t[..., 1]
+    return np.stack([a**4, b**4, 6.0**0.5 * a * a * b * b, 2.0 * a**3 * b, 2.0 * a * b**3], axis=-1)
+
+
+def _unfold(cloth: MeshCloth, edges: Edges) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lay the two triangles of each interior edge flat side by side.
+
+    Returns the vectors from the first triangle's opposite vertex to the second's [m], in the threads of either one,
+    shape (I, 2, 2); where both lie, along the edge from its lower vertex and away from it [m], shape (I, 2, 2); and in
+    the first triangle's threads the vector from the lower vertex to the higher one [m], shape (I, 2).
+    """
+    flat, faces = cloth.corners.reshape(-1, 2), cloth.faces.ravel()
+    ahead = corner(edges.sides, 1)
+    forwards = (faces[edges.sides] < faces[ahead])[..., None]
+    low = np.where(forwards, flat[edges.sides], flat[ahead])
+    edge = np.where(forwards, flat[ahead], flat[edges.sides]) - low
+    along = edge / np.linalg.norm(edge, axis=2, keepdims=True)
+    apex = flat[corner(edges.sides, 2)] - low
+    x = np.einsum("isk,isk->is", apex, along)
+    away = apex - x[..., None] * along
+    height = np.linalg.norm(away, axis=2)
+    away /= height[..., None]
+    shift, apart = (x[:, 1] - x[:, 0])[:, None], height.sum(axis=1)[:, None]
+    crossing = np.stack([shift * along[:, 0] - apart * away[:, 0], shift * along[:, 1] + apart * away[:, 1]], axis=1)
+    return crossing, np.stack([x, height], axis=2), edge[:, 0]
+
+
+def _fit(tensors: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Weights q >= 0 of S tensors (P, S, 5) whose sum is nearest to a target (5,), by projected Gauss-Seidel.
+
+    Returns q in the target's unit, shape (P, S), and the relative misfit, shape (P,).
+    """
+    size, count = np.linalg.norm(target), tensors.shape[1]
+    q = np.zeros(tensors.shape[:2])
+    fit_weights(tensors, target / size, SWEEPS, RIDGE, np.zeros((count, count)), np.zeros(count), q)
+    alike = np.einsum("psk,prk->psr", tensors, tensors) > 1.0 - ALIKE
+    q = np.einsum("psr,pr->ps", alike, q) / np.maximum(alike.sum(axis=2), 1)  # one of no length is like none
+    missing = np.einsum("psk,ps->pk", tensors, q) - target / size
+    return size * q, np.linalg.norm(missing, axis=1)

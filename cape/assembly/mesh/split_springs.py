@@ -1,0 +1,269 @@
+"""Springs of a mesh that may split, by slots that stay: where a few edges part, a few springs change in place.
+
+Each of the 3 T sides of triangles has a slot for an edge. The first side of an edge holds its spring; the slot of the
+other is idle until the edge parts, and then holds the spring of that border. Behind them is a slot for the cross spring
+over each edge within. What was fitted at rest stays as it is: of patches (`cape.assembly.mesh.in_plane`), and of
+bending where no triangle that it is made of has another neighbour, or another corner, than before. So does the choice
+between springs and a membrane, which was made for the whole mesh.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cape.assembly.membrane import membrane_of
+from cape.assembly.mesh.curvature import Unfolded, unfold
+from cape.assembly.mesh.in_plane import InPlane, corner, fit_in_plane
+from cape.assembly.mesh.links import bent_at
+from cape.assembly.mesh.springs import MISSED, bends_of, layered_area
+from cape.assembly.springs import Springs
+from cape.cloth.cloth import MeshCloth
+from cape.cloth.split_mesh import SplitMesh
+from cape.cloth.triangle_mesh import edges_of
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SplitMeshSprings(Springs):
+    """The springs of a mesh that may split, by slots; an idle one has no stiffness.
+
+    There are three bend springs for each triangle, or none at all.
+
+    Attributes:
+        faces: vertices of the triangles as they are now, shape (T, 3).
+        fitted: what patches of triangles ask for.
+        unfolded: how triangles lie beside each other.
+        along: which sides lie along threads, shape (3 T,).
+        over: slots of the cross springs over the edges that sides are, -1 for none, shape (3 T,).
+    """
+
+    faces: IntArray
+    fitted: InPlane
+    unfolded: Unfolded
+    along: NDArray[np.bool_]
+    over: IntArray
+
+    @property
+    def in_slots(self) -> bool:
+        """Whether they follow a mesh that splits in place, some of them idle as yet: they do."""
+        return True
+
+    def acts(self, slots: IntArray) -> NDArray[np.bool_]:
+        """Which of some slots (n,) are not idle, shape (n,)."""
+        count = len(self.fitted.mate)
+        edge = np.minimum(slots, count - 1)
+        return np.where(slots < count, self.fitted.mate[edge] >= edge, self.stiffness[slots] > 0.0)
+
+    @property
+    def acting_slots(self) -> IntArray:
+        """Those slots that are not idle, in the order of the vertices at their ends."""
+        slots = np.flatnonzero(self.acts(np.arange(len(self.first))))
+        return slots[np.lexsort((self.second[slots], self.first[slots]))]
+
+    @property
+    def acting(self) -> "ActingSprings":
+        """Those that are not idle, as `mesh_springs` gives them."""
+        slots, bends = self.acting_slots, self.bend_stiffness > 0.0
+        return ActingSprings(
+            slots=self,
+            first=self.first[slots],
+            second=self.second[slots],
+            stiffness=self.stiffness[slots],
+            rest=self.rest[slots],
+            measured=self.measured[slots],
+            bend_vertices=self.bend_vertices[bends],
+            bend_coefficients=self.bend_coefficients[bends],
+            bend_stiffness=self.bend_stiffness[bends],
+            membrane=self.membrane,
+            nearest=None if self.nearest is None else self.nearest[slots],
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ActingSprings(Springs):
+    """The springs of a mesh that may split which are not idle.
+
+    Attributes:
+        slots: all of them.
+    """
+
+    slots: SplitMeshSprings
+
+
+class Changed(NamedTuple):
+    """What has changed where edges have parted.
+
+    `triangles` (t,) have other corners, `parted` (p,) are the sides of edges that have parted, `slots` (s,) those of
+    springs that may have changed, `bent` (b,) triangles that bend otherwise, `rows` (r,) the vertices that these do or
+    did lead to. `released` is by how much less energy is stored [J].
+    """
+
+    triangles: IntArray
+    parted: IntArray
+    slots: IntArray
+    bent: IntArray
+    rows: IntArray
+    released: float
+
+
+def split_mesh_springs(cloth: SplitMesh) -> SplitMeshSprings:
+    """Derive the springs of a mesh that may split, whole as yet or not."""
+    edges, area = edges_of(cloth.faces), layered_area(cloth)
+    fitted, unfolded = fit_in_plane(cloth, edges, area), unfold(cloth, edges)
+    sides = np.arange(3 * len(area))
+    within = edges.sides[:, 0]
+    membrane = membrane_of(cloth, edges) if fitted.missed() > MISSED else None
+    if membrane is not None:
+        within, membrane = within[:0], replace(membrane, faces=cloth.faces.copy())
+    over = np.full(len(sides), -1)
+    over[within] = over[fitted.mate[within]] = len(sides) + np.arange(len(within))
+    edge_stiffness = np.where(fitted.mate >= sides, fitted.edge_stiffness(sides), 0.0)
+    nearest = None
+    if membrane is not None:
+        nearest, edge_stiffness = edge_stiffness, np.zeros(len(sides))
+    ends = np.concatenate([_ends(cloth.faces, sides), _crossing(cloth.faces, fitted, within)])
+    along = _along(cloth)
+    bends = bends_of(cloth, unfolded, area, np.arange(len(area) if max(_bending(cloth)) > 0.0 else 0))
+    return SplitMeshSprings(
+        first=np.ascontiguousarray(ends[:, 0]),
+        second=np.ascontiguousarray(ends[:, 1]),
+        stiffness=np.concatenate([edge_stiffness, fitted.cross_stiffness(within)]),
+        rest=np.concatenate([fitted.edge_lengths(sides), fitted.cross_length[within]]),
+        measured=np.concatenate([along & (fitted.mate >= sides), np.zeros(len(within), bool)]),
+        bend_vertices=bends.vertices,
+        bend_coefficients=bends.coefficients,
+        bend_stiffness=bends.stiffness,
+        membrane=membrane,
+        nearest=nearest,
+        faces=cloth.faces.copy(),
+        fitted=fitted,
+        unfolded=unfolded,
+        along=along,
+        over=over,
+    )
+
+
+def follow_split(
+    springs: SplitMeshSprings, cloth: SplitMesh, copied: IntArray, positions: FloatArray
+) -> tuple[SplitMeshSprings, Changed]:
+    """Have springs follow a mesh that has split further at some of its vertices (n,), in place but for wider bends.
+
+    `positions` (N, 3) [m] are those of its vertices, new ones where those are that they are copies of.
+    """
+    f, faces = springs.fitted, springs.faces
+    triangles = np.flatnonzero((faces != cloth.faces).any(axis=1))
+    moved = sides_of(triangles)
+    within = moved[f.mate[moved] != moved]
+    parted = within[(_ends(cloth.faces, within) != _ends(cloth.faces, f.mate[within])).any(axis=1)]
+    parted = np.unique(np.concatenate([parted, f.mate[parted]]))
+    near = np.unique(parted // 3)
+    around = np.unique(np.concatenate([near, f.mate[sides_of(near)] // 3]))
+    beside = sides_of(around)
+    known = np.concatenate([np.minimum(moved, f.mate[moved]), np.minimum(beside, f.mate[beside]), parted])
+    over = springs.over[np.concatenate([moved, beside])]
+    slots = np.unique(np.concatenate([known, over[over >= 0]]))
+    bent = _bent(springs, copied, np.concatenate([around, triangles]), cloth.vertices)
+    rows = [springs.bend_vertices.reshape(len(springs.bend_vertices) // 3, -1)[bent] if len(bent) else bent]
+    stored = _stored(springs, slots, bent, near, positions)
+
+    faces[triangles] = cloth.faces[triangles]
+    gone = springs.over[parted]
+    gone = gone[gone >= 0]
+    springs.stiffness[gone], springs.second[gone], springs.over[parted] = 0.0, springs.first[gone], -1
+    f.part(parted)
+    springs.unfolded.neighbour[parted // 3, parted % 3] = -1
+    springs.measured[parted] = springs.along[parted]
+    springs.first[moved], springs.second[moved] = _ends(faces, moved).T
+    crossed = moved[springs.over[moved] >= 0]
+    springs.first[springs.over[crossed]], springs.second[springs.over[crossed]] = _crossing(faces, f, crossed).T
+    edges = np.unique(np.minimum(beside, f.mate[beside]))
+    stiffness = springs.stiffness if springs.nearest is None else springs.nearest
+    stiffness[edges], springs.rest[edges] = f.edge_stiffness(edges), f.edge_lengths(edges)
+    crossed = sides_of(near)
+    crossed = crossed[springs.over[crossed] >= 0]
+    springs.stiffness[springs.over[crossed]] = f.cross_stiffness(crossed)
+    membrane = springs.membrane
+    if membrane is not None:
+        membrane.faces[triangles] = faces[triangles]
+        t, c = parted // 3, parted % 3
+        membrane.neighbours[t, c], membrane.share[t, c] = t, 0.0
+        membrane.own[near] = 1.0 - membrane.share[near].sum(axis=1)
+    springs = replace(springs)
+    if len(bent):
+        springs = _bend_anew(springs, cloth, bent)
+        rows.append(springs.bend_vertices.reshape(len(springs.bend_vertices) // 3, -1)[bent])
+    released = stored - _stored(springs, slots, bent, near, positions)
+    unique_rows = np.unique(np.concatenate([each.ravel() for each in rows]))
+    return springs, Changed(triangles, parted, slots, bent, unique_rows, released)
+
+
+def sides_of(triangles: IntArray) -> IntArray:
+    """The sides of some triangles (n,), shape (3 n,)."""
+    return (3 * triangles[:, None] + np.arange(3)).ravel()
+
+
+def _bent(springs: SplitMeshSprings, copied: IntArray, known: IntArray, vertices: int) -> IntArray:
+    """Triangles whose bends lead to vertices that have split, with those that are known; none without bends."""
+    if not len(springs.bend_stiffness):
+        return np.zeros(0, np.int64)
+    split = np.zeros(vertices, bool)
+    split[copied] = True
+    return np.unique(np.concatenate([bent_at(springs, split), known]))
+
+
+def _bend_anew(springs: SplitMeshSprings, cloth: SplitMesh, bent: IntArray) -> SplitMeshSprings:
+    """Springs with the bends of some triangles (b,) derived anew."""
+    bends, rows = bends_of(cloth, springs.unfolded, springs.fitted.area, bent), sides_of(bent)
+    missing = bends.vertices.shape[1] - springs.bend_vertices.shape[1]
+    if missing > 0:
+        springs = replace(
+            springs,
+            bend_vertices=np.pad(springs.bend_vertices, ((0, 0), (0, missing)), mode="edge"),
+            bend_coefficients=np.pad(springs.bend_coefficients, ((0, 0), (0, missing))),
+        )
+    springs.bend_vertices[rows], springs.bend_coefficients[rows] = bends.vertices[:, :1], 0.0
+    width = bends.vertices.shape[1]
+    springs.bend_vertices[rows, :width], springs.bend_coefficients[rows, :width] = bends.vertices, bends.coefficients
+    springs.bend_stiffness[rows] = bends.stiffness
+    return springs
+
+
+def _stored(springs: SplitMeshSprings, slots: IntArray, bent: IntArray, near: IntArray, positions: FloatArray) -> float:
+    """Energy of some springs (s,), of bends of triangles (b,), and of a membrane at triangles (t,) [J]."""
+    lengths = np.linalg.norm(positions[springs.second[slots]] - positions[springs.first[slots]], axis=1)
+    energy = 0.5 * float(springs.stiffness[slots] @ (lengths - springs.rest[slots]) ** 2)
+    if springs.membrane is not None:
+        energy += springs.membrane.energy(positions, near)
+    if not len(bent):
+        return energy
+    rows = sides_of(bent)
+    bends = np.einsum("km,kmc->kc", springs.bend_coefficients[rows], positions[springs.bend_vertices[rows]])
+    return energy + 0.5 * float(springs.bend_stiffness[rows] @ np.sum(bends**2, axis=1))
+
+
+def _ends(faces: IntArray, sides: IntArray) -> IntArray:
+    """Vertices at the ends of some sides (n,), the lower one first, shape (n, 2)."""
+    flat = faces.reshape(-1)
+    return np.sort(np.stack([flat[sides], flat[corner(sides, 1)]], axis=1), axis=1)
+
+
+def _crossing(faces: IntArray, fitted: InPlane, sides: IntArray) -> IntArray:
+    """Vertices opposite of some edges within, given by a side (n,), the lower one first, shape (n, 2)."""
+    flat = faces.reshape(-1)
+    return np.sort(np.stack([flat[corner(sides, 2)], flat[corner(fitted.mate[sides], 2)]], axis=1), axis=1)
+
+
+def _along(cloth: MeshCloth) -> NDArray[np.bool_]:
+    """Which sides of a mesh lie along threads, shape (3 T,); all where that is not known."""
+    sides = np.arange(3 * len(cloth.faces))
+    if cloth.threads is None:
+        return np.ones(len(sides), bool)
+    return np.isin(_ends(cloth.faces, sides) @ [cloth.vertices, 1], cloth.threads @ [cloth.vertices, 1])
+
+
+def _bending(cloth: MeshCloth) -> tuple[float, float]:
+    return cloth.fabric.bend_weft, cloth.fabric.bend_warp
