@@ -21,7 +21,7 @@ import motions
 import skeleton
 from motions.errors import UserError
 from skeleton.robot.solid_files import read_solids
-from tests.support.processes import python
+from tests.support.processes import python_within
 
 FRAMES = 100_000
 LONGEST = 7200.0  # s that any may take
@@ -161,7 +161,7 @@ def main() -> None:
     """Print a row for each."""
     print(f"{'input':15} {'CPU s':>7} {'MB':>7}")
     for name in sys.argv[1:] or USUAL:
-        told = python(f"from tests.bench.large import measure; measure({name!r})", within=LONGEST)
+        told = python_within(LONGEST, f"from tests.bench.large import measure; measure({name!r})")
         print(told, end="", flush=True)
 
 

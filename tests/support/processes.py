@@ -9,14 +9,19 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 
 
-def python(script: str, *arguments: str, within: float = 300.0, **environment: str) -> str:
-    """What a fresh process prints; it must end well, `within` seconds."""
+def python(script: str, *arguments: str, **environment: str) -> str:
+    """What a fresh process prints; it must end well, within five minutes."""
+    return python_within(300.0, script, *arguments, **environment)
+
+
+def python_within(seconds: float, script: str, *arguments: str, **environment: str) -> str:
+    """What a fresh process prints; it must end well, in time."""
     done = subprocess.run(
         [sys.executable, "-c", script, *arguments],
         env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
         capture_output=True,
         text=True,
-        timeout=within,
+        timeout=seconds,
         cwd=ROOT,
     )
     assert done.returncode == 0, done.stderr
