@@ -1,12 +1,14 @@
 """Several garments put on a body, one over the other: each comes to rest around those below it, then they meet.
 
 Each is fitted to a body that is as much thicker as there are garments below it. While it is put on, boxes around these
-keep it off them, band for band. So it lies outside of all that is below it when they are made one cloth, whose layers
-self-contact keeps apart from then on, as it began: on which side of a cloth another one is never changes.
+keep it off them, band for band; what hangs wider than its waistband is gathered first, see `girding`. So it lies
+outside of all that is below it when they are made one cloth, whose layers self-contact keeps apart from then on, as it
+began: on which side of a cloth another one is never changes.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -16,9 +18,10 @@ from numpy.typing import NDArray
 from cape.cloth.cloth import Cloth
 from cape.measure.self_crossings import self_crossings
 from cape.outfits.combined import Outfit, Part, as_mesh, combined
+from cape.outfits.girding import WAIST, Band, bulges, gathered, hangs_out
 from cape.run.simulation import Simulation
 from cape.run.whereabouts import Diverged
-from cape.scene.colliders import Box
+from cape.scene.colliders import Box, Ellipsoid
 from cape.scene.dress import dress
 from cape.scene.holding.attachments import Attachment
 from cape.scene.poses import poses_of
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 ROOM = 0.008  # m from a garment to the one below it as it is put on: more than layers are kept apart
+GATHERED = 2  # times as much of it, where one is gathered below a band
 MOST = 5  # garments
 STAGES = 12  # in which boxes widen
 STAGE, LAST = 0.1, 0.5  # s that a cloth is given to settle in each, and in the last
@@ -66,23 +70,34 @@ def dress_in(body: "Skeleton", track: BoneTrack, garments: Sequence[str], **opti
     contact = contact if isinstance(contact, SelfContact) else SelfContact()
     own = {name: options.pop(name, None) for name in ("length", "flare", "hold")}
     skin = options.pop("colliders", None) or body.capsules()
-    scenes = []
-    for level, name in enumerate(names):
-        colliders = [solid.grown(level * ROOM) if isinstance(solid, Bounded) else solid for solid in skin]
+
+    def cut(level: int, room: float) -> Scene:
+        colliders = [solid.grown(room) if isinstance(solid, Bounded) else solid for solid in skin]
         more = own if level == len(names) - 1 else {}
-        scenes.append(dress(body, track, garment=name, colliders=colliders, self_contact=contact, **options, **more))
+        return dress(body, track, garment=names[level], colliders=colliders, self_contact=contact, **options, **more)
+
+    scenes = [cut(level, level * ROOM) for level in range(len(names))]
     thickness = max(scene.thickness for scene in scenes)
     resting: list[FloatArray] = []
-    below: list[Box] = []
-    for level, scene in enumerate(scenes):
-        held = _heights_held(scene, track)
-        around = [box for box in below if not np.any(np.abs(held - box.center[2]) < BAND)]
+    for level in range(len(scenes)):
+        wider = [inner for inner in range(level) if hangs_out(resting[inner], _bands(scenes[level], track, ROOM))]
+        if wider:
+            scenes[level] = cut(level, GATHERED * level * ROOM)
+        rounded: list[Ellipsoid] = []
         try:
-            places = _come_to_rest(replace(scene, thickness=thickness), around, track)
+            for inner in wider:
+                (band,) = _bands(scenes[level], track, (GATHERED * level - inner) * ROOM)
+                worn, go_on = replace(scenes[inner], thickness=thickness), partial(_go_on, track, STAGE)
+                scenes[inner], resting[inner] = gathered(worn, resting[inner], band, track, go_on)
+                rounded += bulges(names[inner], resting[inner], band)
+            flat = [inner for inner in range(level) if inner not in wider]
+            below = [box for inner in flat for box in _stand_in(names[inner], scenes[inner].cloth, resting[inner])]
+            heights = _places_held(scenes[level], track)[:, 2]
+            around = [box for box in below if not np.any(np.abs(heights - box.center[2]) < BAND)]
+            scene = replace(scenes[level], thickness=thickness, colliders=(*scenes[level].colliders, *rounded))
+            resting.append(_come_to_rest(scene, around, track))
         except Diverged as error:
             raise _cannot(names[level], names[:level], "it is too narrow") from error
-        resting.append(places)
-        below += _stand_in(names[level], scene.cloth, places)
     outfit = combined(names, [scene.cloth for scene in scenes], resting)
     _require_apart(outfit)
     parts = list(zip(outfit.parts, scenes, strict=True))
@@ -106,15 +121,22 @@ def _of_all(held: Attachment, part: Part, outfit: Outfit) -> Attachment:
     return replace(held, vertices=held.vertices + part.start, cloth_vertices=outfit.vertices)
 
 
-def _heights_held(scene: Scene, track: BoneTrack) -> FloatArray:
-    """How high bones hold vertices at the first frame [m]."""
+def _bands(scene: Scene, track: BoneTrack, room: float) -> list[Band]:
+    """The waistband of a garment that has one, which leaves some room [m] to what is below it."""
+    if WAIST not in scene.cloth.regions:
+        return []
+    return [Band(scene.attachments[0].bone, _places_held(scene, track), room)]
+
+
+def _places_held(scene: Scene, track: BoneTrack) -> FloatArray:
+    """Where bones hold vertices at the first frame [m], shape (n, 3)."""
     origins, rotations = track.at(0)
-    heights = [np.zeros(0)]
+    places = [np.zeros((0, 3))]
     for held in scene.attachments:
         if held.points is not None:
             bone = track.index(held.bone)
-            heights.append((origins[bone] + quaternions.rotate(rotations[bone], held.points))[:, 2])
-    return np.concatenate(heights)
+            places.append(origins[bone] + quaternions.rotate(rotations[bone], held.points))
+    return np.concatenate(places)
 
 
 def _come_to_rest(scene: Scene, around: Sequence[Box], track: BoneTrack) -> FloatArray:
@@ -135,15 +157,20 @@ def _come_to_rest(scene: Scene, around: Sequence[Box], track: BoneTrack) -> Floa
     places = _settled(scene, track, None)
     for share in np.linspace(0.0, 1.0, STAGES + 1)[1:]:
         narrower = [replace(box, half_sizes=box.half_sizes * [share, share, 1.0]) for box in around]
-        worn = replace(as_mesh(scene.cloth), positions=places, frame="world", neckline=None)
-        held = replace(scene, cloth=worn, dressing=None, colliders=(*scene.colliders, *narrower))
-        places = _settled(held, track, STAGE if share < 1.0 else LAST)
+        kept_off = replace(scene, colliders=(*scene.colliders, *narrower))
+        places = _go_on(track, STAGE if share < 1.0 else LAST, kept_off, places)
     return places
 
 
 def _deepest(places: FloatArray, boxes: Sequence[Box]) -> float:
     """How deep the deepest of some places (V, 3) is in one of the boxes [m], below zero outside of all."""
     return -min(float(signed_distance(box, places).min()) for box in boxes)
+
+
+def _go_on(track: BoneTrack, settle: float, scene: Scene, places: FloatArray) -> FloatArray:
+    """Where the vertices of a cloth that is on get from some places [m] at the first frame in a time [s], (V, 3)."""
+    worn = replace(as_mesh(scene.cloth), positions=places, frame="world", neckline=None)
+    return _settled(replace(scene, cloth=worn, dressing=None), track, settle)
 
 
 def _settled(scene: Scene, track: BoneTrack, settle: float | None) -> FloatArray:

@@ -12,6 +12,7 @@ import skeleton
 from cape.assembly.springs import springs_of
 from cape.measure.self_crossings import self_crossings
 from cape.outfits.combined import Outfit, as_mesh, combined, takes_apart
+from cape.outfits.girding import Band, girded, hangs_out
 from cape.record import save
 from cape.scene.standard_scenes import frame_times, track_of
 from motions.errors import UnknownNameError, ValueRangeError
@@ -163,6 +164,46 @@ def test_cloths_that_cross_at_the_start_are_refused(walker, monkeypatch):
         cape.dress(*walker, garments=["back_cape", "skirt"], spacing=0.1)
 
 
+def ring(radii: tuple[float, float], heights: tuple[float, ...]) -> np.ndarray:
+    """Points around the origin's vertical, wider to the left than ahead."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
+    level = np.stack([radii[0] * np.cos(angles), radii[1] * np.sin(angles)], axis=1)
+    return np.concatenate([np.column_stack([level, np.full(40, height)]) for height in heights])
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_a_flat_panel_is_laid_around_the_body_thread_along_thread(turn):
+    """In front of an upright cylinder: what is a sixth of the way around from its middle comes to be 60 degrees off."""
+    c, s = np.cos(turn), np.sin(turn)
+    turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    # Hardly wider than deep, which tells where sides are.
+    band = Band("pelvis", ring((0.2, 0.2 + 1e-6), (1.0, 1.05)) @ turned.T, 0.01)
+    across = np.linspace(-0.19 * np.pi / 3.0, 0.19 * np.pi / 3.0, 13)
+    panel = np.stack([np.full(13, 0.3), across, np.full(13, 1.02)], axis=1)
+    above = panel + np.array([0.0, 0.0, 0.2])
+    vertices, within = girded(np.concatenate([above, panel]) @ turned.T, band)
+    assert sorted(vertices) == list(range(13, 26))
+    places = (within @ turned)[np.argsort(vertices)]
+    np.testing.assert_allclose(np.hypot(places[:, 0], places[:, 1]), 0.19, rtol=0.01)
+    np.testing.assert_allclose(np.arctan2(places[:, 1], places[:, 0]), across / 0.2, atol=0.02)
+    assert (places[:, 2] == 1.02).all()
+    assert hangs_out(panel @ turned.T, [band])
+    assert not hangs_out(panel * [0.5, 0.5, 1.0], [band])
+    assert not hangs_out(above, [band])
+
+
+def test_panels_too_wide_for_a_band_are_gathered_and_do_not_meet_at_the_sides():
+    band = Band("pelvis", ring((0.12, 0.16), (1.0, 1.04)), 0.01)
+    across = np.linspace(-0.4, 0.4, 41)
+    front = np.stack([np.full(41, 0.15), across, np.full(41, 1.02)], axis=1)
+    vertices, within = girded(np.concatenate([front, front * [-1.0, 1.0, 1.0]]), band)
+    assert len(vertices) == 82
+    places = within[np.argsort(vertices)]
+    assert (np.diff(np.arctan2(places[:41, 1], places[:41, 0])) > 0.0).all()  # in the order of the panel
+    ahead, behind = places[[0, 40]], places[[41, 81]]
+    assert (np.linalg.norm(ahead - behind, axis=1) > 0.008).all()
+
+
 @pytest.mark.parametrize(("depth", "at_once"), [(0.03, False), (0.01, True), (-0.1, True)])
 def test_what_starts_deep_in_those_below_is_let_out_in_stages(depth, at_once, walker, monkeypatch):
     from cape.outfits import dressing
@@ -191,6 +232,17 @@ def test_three_garments_are_worn_over_each_other(walker):
     take = cape.simulate(scene, walker[1])
     assert take.result == "finished"
     assert take.penetration.max() < 0.001
+    assert len(self_crossings(take.positions[-1], scene.cloth.triangles)) == 0
+
+
+@pytest.mark.extra
+@pytest.mark.parametrize("spacing", [None, 0.04])
+def test_a_skirt_is_put_on_over_a_tabard_which_it_gathers(spacing, walker):
+    scene = cape.dress(*walker, garments=["shoulder_cape", "skirt", "tabard"], spacing=spacing)
+    assert len(self_crossings(scene.cloth.positions, scene.cloth.triangles)) == 0
+    take = cape.simulate(scene, walker[1])
+    assert take.result == "finished"
+    assert take.stretch_max[1:].max() < 0.06
     assert len(self_crossings(take.positions[-1], scene.cloth.triangles)) == 0
 
 
