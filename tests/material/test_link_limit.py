@@ -145,6 +145,5 @@ def test_what_limits_a_mesh_is_in_its_program_only_where_it_is_asked_for(sheet: 
     asked = []
     for limit in (False, True):
         simulation = Simulation(Scene(sheet, [attach(sheet, "hand", "top")], strain_limit=limit))
-        simulation.start({"hand": (np.zeros(3), [1.0, 0.0, 0.0, 0.0])})
-        asked.append({request.name for request in simulation._started.requests()})
+        asked.append({request.name for request in simulation.requests({"hand": (np.zeros(3), [1.0, 0.0, 0.0, 0.0])})})
     assert asked[1] - asked[0] == {"limit_links"}
