@@ -69,12 +69,14 @@ def test_a_batch_outlives_what_is_killed_and_goes_on_where_it_was_interrupted(tm
 
     done = cape("batch", *asked, "--json", folder=tmp_path)
     assert done.returncode == 1
-    assert done.stderr.startswith("1 of 3 stand complete already\n1 of 2: walk, finished")
+    # On a busy machine the interrupt may come as the next run ends: what that wrote is whole, and is kept.
+    late = done.stderr.startswith("2 of 3 stand complete already\n")
+    assert late or done.stderr.startswith("1 of 3 stand complete already\n1 of 2: walk, finished")
     found = json.loads(done.stdout)
     assert found == results(tmp_path)
     assert (found["done"], found["failed"], found["stopped"]) == (2, 1, 0)
     idle, walk, torn = found["runs"]
-    assert (idle["attempts"], walk["attempts"]) == (0, 1)
+    assert (idle["attempts"], walk["attempts"]) == (0, 0 if late else 1)
     assert (tmp_path / "out" / "idle" / "idle.rrd").stat() == kept
     assert (tmp_path / "out" / walk["output"]).stat().st_size > 10_000
     assert walk["facts"]["frames"] == 7
