@@ -79,16 +79,17 @@ def dress_in(body: "Skeleton", track: BoneTrack, garments: Sequence[str], **opti
     scenes = [cut(level, level * ROOM) for level in range(len(names))]
     thickness = max(scene.thickness for scene in scenes)
     resting: list[FloatArray] = []
+    gathers = False
     for level in range(len(scenes)):
         wider = [inner for inner in range(level) if hangs_out(resting[inner], _bands(scenes[level], track, ROOM))]
         if wider:
-            scenes[level] = cut(level, GATHERED * level * ROOM)
+            scenes[level], gathers = cut(level, GATHERED * level * ROOM), True
         rounded: list[Ellipsoid] = []
         try:
             for inner in wider:
                 (band,) = _bands(scenes[level], track, (GATHERED * level - inner) * ROOM)
-                worn, go_on = replace(scenes[inner], thickness=thickness), partial(_go_on, track, STAGE)
-                scenes[inner], resting[inner] = gathered(worn, resting[inner], band, track, go_on)
+                inside, go_on = replace(scenes[inner], thickness=thickness), partial(_go_on, track, STAGE)
+                scenes[inner], resting[inner] = gathered(inside, resting[inner], band, track, go_on)
                 rounded += bulges(names[inner], resting[inner], band)
             flat = [inner for inner in range(level) if inner not in wider]
             below = [box for inner in flat for box in _stand_in(names[inner], scenes[inner].cloth, resting[inner])]
@@ -101,7 +102,7 @@ def dress_in(body: "Skeleton", track: BoneTrack, garments: Sequence[str], **opti
     outfit = combined(names, [scene.cloth for scene in scenes], resting)
     _require_apart(outfit)
     parts = list(zip(outfit.parts, scenes, strict=True))
-    return replace(
+    worn = replace(
         scenes[0],
         cloth=outfit,
         attachments=[_of_all(held, part, outfit) for part, scene in parts for held in scene.attachments],
@@ -114,6 +115,10 @@ def dress_in(body: "Skeleton", track: BoneTrack, garments: Sequence[str], **opti
         dressing=None,
         strain_limit=all(scene.strain_limit for scene in scenes) and outfit.has_threads,
     )
+    if not gathers:
+        return worn
+    # What was held together springs out, as far as it may.
+    return replace(worn, cloth=replace(outfit, positions=_settled(worn, track, STAGE)))
 
 
 def _of_all(held: Attachment, part: Part, outfit: Outfit) -> Attachment:
