@@ -196,13 +196,14 @@ def test_a_disk_that_others_fill_while_it_runs_leaves_what_fits(tmp_path: Path, 
 
 
 def test_where_temporary_files_find_no_room_all_is_recorded(tmp_path: Path):
-    """A sheet of 1681 vertices is moved to disk after a second: to one of 1 MB."""
+    """A sheet of 2793 vertices is moved to disk after a second: to one of 1 MB."""
     with small_disk(tmp_path / "disk", 1_000_000) as folder:
         done = on_a_full_disk("", output="run.npz", folder=tmp_path, spacing=0.025, TMPDIR=str(folder))
         assert done.returncode == 0, done.stderr
         take = cape.Take.load(tmp_path / "run.npz")
         assert len(take.positions) == json.loads(done.stdout)["frames"] + 1
-        assert np.ptp(take.positions, axis=0).max() < 1.0
+        # What was lost would be zeros, more than a metre away; at 18 m/s a frame gets 0.3 m.
+        assert np.abs(np.diff(take.positions, axis=0)).max() < 0.3
         assert take.positions[0].nbytes * len(take.positions) > 2**20
 
 
