@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cape.cloth.cloth import Cloth
 from cape.measure.self_crossings import self_crossings
 from cape.outfits.combined import Outfit, Part, as_mesh, combined
-from cape.outfits.girding import WAIST, Band, bulges, gathered, hangs_out
+from cape.outfits.girding import WAIST, Band, bulges, gathered, hangs_out, upright_box
 from cape.run.simulation import Simulation
 from cape.run.whereabouts import Diverged
 from cape.scene.colliders import Box, Ellipsoid
@@ -187,7 +187,7 @@ def _settled(scene: Scene, track: BoneTrack, settle: float | None) -> FloatArray
 
 def _stand_in(name: str, cloth: Cloth, places: FloatArray) -> list[Box]:
     """What others are kept off where a garment is: boxes around what of it is at one height, band for band."""
-    if "waist" not in cloth.regions and "belt" not in cloth.regions:
+    if WAIST not in cloth.regions and "belt" not in cloth.regions:
         return []
     low, high = places[:, 2].min(), places[:, 2].max()
     count = max(1, round((high - low) / BAND))
@@ -198,16 +198,13 @@ def _stand_in(name: str, cloth: Cloth, places: FloatArray) -> list[Box]:
         within = places[(places[:, 2] >= bottom - BAND / 2.0) & (places[:, 2] <= top + BAND / 2.0), :2]
         if not len(within):
             continue
-        axes = np.linalg.svd(within - within.mean(axis=0), full_matrices=True)[2]
-        ways = within @ axes.T
-        middle = (ways.min(axis=0) + ways.max(axis=0)) / 2.0 @ axes
-        turn = np.arctan2(axes[0, 1], axes[0, 0]) / 2.0
+        middle, halves, rotation = upright_box(within)
         boxes.append(
             Box(
                 name=f"within {name} at {bottom:.2f} m",
-                center=np.array([*middle, (bottom + top) / 2.0]),
-                half_sizes=np.array([*np.ptp(ways, axis=0) / 2.0, (top - bottom) / 2.0]),
-                rotation_wxyz=np.array([np.cos(turn), 0.0, 0.0, np.sin(turn)]),
+                center=np.append(middle, (bottom + top) / 2.0),
+                half_sizes=np.append(halves, (top - bottom) / 2.0),
+                rotation_wxyz=rotation,
             )
         )
     return boxes

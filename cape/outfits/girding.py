@@ -29,6 +29,7 @@ QUARTER = 64  # points of it
 HIGH = 0.045  # m from the middle of each solid that keeps a garment off what its band has gathered to its top
 BELOW = 0.6  # of that, by which the middle of the uppermost is below the band
 STAGES, RESTS = 12, 4  # in which cloth is gathered, and then comes to rest
+LEVEL = 1e-12  # m2; a band whose heights' squares differ by less is of one height
 WAIST = "waist"  # the region of those that gird others
 
 
@@ -61,8 +62,9 @@ def girded(places: FloatArray, band: Band) -> tuple[IntArray, FloatArray]:
     # A band is a little wider at one edge than at the other.
     own = (band.places[:, :2] - middle) @ axes.T
     shares = _length(own) / np.interp(_angle(own), *_by_angle(around), period=2.0 * np.pi)
-    slope, level = np.polyfit(heights - heights.mean(), shares, 1)
-    share = np.clip(level + slope * (places[:, 2] - heights.mean()), shares.min(), shares.max())
+    spread = heights - heights.mean()
+    slope = spread @ shares / max(spread @ spread, LEVEL)
+    share = np.clip(shares.mean() + slope * (places[:, 2] - heights.mean()), shares.min(), shares.max())
     vertices, laid = [np.zeros(0, np.int64)], [np.zeros((0, 2))]
     for side, front in product((1.0, -1.0), repeat=2):
         mine = ways * [side, front]
@@ -140,24 +142,28 @@ def gathered(
     return replace(scene, attachments=followed), places
 
 
+def upright_box(level: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The middle (2,) and half the sizes (2,) of a box around places (n, 2) [m], along the ways in which they spread,
+    and its turn about the vertical, a quaternion (w, x, y, z)."""
+    axes = np.linalg.svd(level - level.mean(axis=0), full_matrices=True)[2]
+    ways = level @ axes.T
+    turn = np.arctan2(axes[0, 1], axes[0, 0]) / 2.0
+    middle = (ways.min(axis=0) + ways.max(axis=0)) / 2.0 @ axes
+    return middle, np.ptp(ways, axis=0) / 2.0, np.array([np.cos(turn), 0.0, 0.0, np.sin(turn)])
+
+
 def bulges(name: str, places: FloatArray, band: Band) -> list[Ellipsoid]:
     """What keeps a band's garment off what is gathered, at places (V, 3) [m]: one upon the other, up to the band."""
     found: list[Ellipsoid] = []
     for height in np.arange(band.places[:, 2].min() - BELOW * HIGH, places[:, 2].min(), -HIGH):
         within = places[np.abs(places[:, 2] - height) < HIGH / 2.0, :2]
-        if len(within) < 3:
+        if not len(within):
             continue
-        axes = np.linalg.svd(within - within.mean(axis=0))[2]
-        ways = within @ axes.T
-        middle = (ways.min(axis=0) + ways.max(axis=0)) / 2.0 @ axes
-        turn = np.arctan2(axes[0, 1], axes[0, 0]) / 2.0
+        middle, halves, rotation = upright_box(within)
+        radii = np.append(halves + band.room / 2.0, HIGH)
+        center = np.append(middle, height)
         found.append(
-            Ellipsoid(
-                name=f"within {name} at {height:.2f} m",
-                center=np.array([*middle, height]),
-                radii=np.array([*np.ptp(ways, axis=0) / 2.0 + band.room / 2.0, HIGH]),
-                rotation_wxyz=np.array([np.cos(turn), 0.0, 0.0, np.sin(turn)]),
-            )
+            Ellipsoid(name=f"within {name} at {height:.2f} m", center=center, radii=radii, rotation_wxyz=rotation)
         )
     return found
 

@@ -190,6 +190,10 @@ def test_a_flat_panel_is_laid_around_the_body_thread_along_thread(turn):
     assert hangs_out(panel @ turned.T, [band])
     assert not hangs_out(panel * [0.5, 0.5, 1.0], [band])
     assert not hangs_out(above, [band])
+    # A band of a single row is as wide everywhere.
+    row = Band("pelvis", ring((0.2, 0.2 + 1e-6), (1.02,)) @ turned.T, 0.01)
+    alone, inside = girded(panel @ turned.T, row)
+    np.testing.assert_allclose(inside[np.argsort(alone)], within[np.argsort(vertices)], atol=1e-3)
 
 
 def test_panels_too_wide_for_a_band_are_gathered_and_do_not_meet_at_the_sides():

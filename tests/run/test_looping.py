@@ -178,24 +178,26 @@ def test_a_clip_that_does_not_loop_says_so_and_throws_nothing():
     assert take.kinetic_energy.max() < 0.25 * thrown.kinetic_energy.max()
 
 
-def test_the_first_round_is_kept_where_the_next_is_broken_off():
+def broken_off(rounds: float) -> cape.Take:
+    """A loop that the user interrupts after so many rounds."""
+
     def stop(done: int, of: int) -> None:
-        if done > 1.5 * ROUND:
+        if done > rounds * ROUND:
             raise KeyboardInterrupt
 
     take = cape.simulate(sheet(), swing(), settle=0.0, loop=True, progress=stop)
     assert take.result == f"stopped at frame {ROUND}"
+    return take
+
+
+def test_the_first_round_is_kept_where_the_next_is_broken_off():
+    take = broken_off(1.5)
     assert take.loop is None
     np.testing.assert_array_equal(take.positions, cape.simulate(sheet(), swing(), settle=0.0).positions)
 
 
 def test_the_last_whole_round_leads_into_itself_where_a_later_one_is_broken_off():
-    def stop(done: int, of: int) -> None:
-        if done > 3.5 * ROUND:
-            raise KeyboardInterrupt
-
-    take = cape.simulate(sheet(), swing(), settle=0.0, loop=True, progress=stop)
-    assert take.result == f"stopped at frame {ROUND}"
+    take = broken_off(3.5)
     assert take.loop is not None
     assert (take.loop.rounds, take.loop.drawn) == (3, False)
     whole = cape.simulate(sheet(), swing(), settle=0.0)

@@ -2,7 +2,6 @@
 
 import json
 import os
-import resource
 import signal
 import subprocess
 import time
@@ -15,7 +14,6 @@ from PIL import Image
 import motions
 from cape.results.take import Take
 from tests.support.command import CAPE, cape
-from tests.support.takes import cloth_frames
 
 COARSE = ("--end", "0.1", "--spacing", "0.1", "--no-pictures")
 HOPELESS = 120.0  # s
@@ -69,14 +67,12 @@ def test_a_batch_outlives_what_is_killed_and_goes_on_where_it_was_interrupted(tm
 
     done = cape("batch", *asked, "--json", folder=tmp_path)
     assert done.returncode == 1
-    # On a busy machine the interrupt may come as the next run ends: what that wrote is whole, and is kept.
-    late = done.stderr.startswith("2 of 3 stand complete already\n")
-    assert late or done.stderr.startswith("1 of 3 stand complete already\n1 of 2: walk, finished")
+    assert done.stderr.startswith("1 of 3 stand complete already\n1 of 2: walk, finished")
     found = json.loads(done.stdout)
     assert found == results(tmp_path)
     assert (found["done"], found["failed"], found["stopped"]) == (2, 1, 0)
     idle, walk, torn = found["runs"]
-    assert (idle["attempts"], walk["attempts"]) == (0, 0 if late else 1)
+    assert (idle["attempts"], walk["attempts"]) == (0, 1)
     assert (tmp_path / "out" / "idle" / "idle.rrd").stat() == kept
     assert (tmp_path / "out" / walk["output"]).stat().st_size > 10_000
     assert walk["facts"]["frames"] == 7
@@ -98,46 +94,6 @@ def test_a_run_is_the_same_as_a_replay_of_the_same_options(tmp_path: Path):
     assert np.ptp(take.positions, axis=0).max() > 0.01
     same = Take.load(tmp_path / "out" / "walk_spacing=0.1" / "walk_spacing=0.1.npz")
     assert same.positions.tobytes() == take.positions.tobytes()
-
-
-def full(*arguments: str, folder: Path, most: int) -> "subprocess.CompletedProcess[str]":
-    """Run a batch of which no file may get larger than so many bytes."""
-    return subprocess.run(
-        [CAPE, "batch", *arguments],
-        cwd=folder, capture_output=True, text=True, timeout=HOPELESS, check=False,
-        # Python does not notice that its own compiled files are cut short.
-        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most, most)),
-    )  # fmt: skip
-
-
-def test_a_full_disk_leaves_what_fits_and_the_rest_is_done_later(tmp_path: Path):
-    asked = ("walk", "-o", "out", "--sweep", "end=0.1,0.5", "--garment", "back_cape", *COARSE[2:])
-    short = full(*asked, folder=tmp_path, most=4_220_000)
-    assert short.returncode == 2, short.stderr
-    *_, told = short.stderr.splitlines()
-    part = tmp_path / "out" / "walk_end=0.5" / "walk_end=0.5.rrd"
-    assert told.startswith(f"cape: 1 of 2 runs are not whole: can't write all of {part}: 4.")
-    found = results(tmp_path)
-    assert [run["status"] for run in found["runs"]] == ["done", "failed"]
-    assert "1 of 2, 1 failed" in short.stdout
-    frames = int(told.split()[-2])
-    assert 0 < frames < 31
-    assert cloth_frames(part) == frames
-    done = cape("batch", *asked, folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.startswith("1 of 2 stand complete already\n1 of 1: walk_end=0.5, finished")
-    assert cloth_frames(part) == 31
-
-
-def test_no_room_for_anything_is_told_of_each_run_and_in_a_line(tmp_path: Path):
-    done = full("walk", "-o", "out", *COARSE, folder=tmp_path, most=0)
-    assert done.returncode == 2
-    first, *_, told = done.stderr.splitlines()
-    assert first.startswith("1 of 1: walk, failed: can't write temporary files: No usable temporary directory")
-    assert told == "cape: can't write out/results.json: File too large"
-    assert "0 of 1, 1 failed" in done.stdout
-    assert "results.json" not in done.stdout
 
 
 @pytest.mark.extra
