@@ -29,7 +29,7 @@ from cape.solvers import Solver, SymplecticEuler
 from motions.border import checked_first
 from motions.errors import UnknownNameError, UserError, ValueRangeError
 from motions.skin import Skin
-from skeleton.robot.link_surfaces import LinkSurface
+from skeleton.robot.meshes.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
 
 FPS = 60.0
