@@ -211,15 +211,12 @@ class _Held:
 
         That is found for bones with many colliders, by balls around these; of the others nothing is known (-inf).
         """
-        from scipy.spatial import KDTree
-
         balls = self.scene.enclosing
         away, at = np.full(len(balls.radii), -np.inf), np.zeros(len(balls.radii), dtype=np.int64)
-        many = np.flatnonzero(np.bincount(balls.bones) > MANY)
-        for own in many.tolist():
-            places, slack = self._seen_from(own)
+        for own in np.flatnonzero(np.bincount(balls.bones) > MANY).tolist():
             rows = np.flatnonzero((balls.bones == own) & np.isfinite(balls.radii))
-            found, nearest = KDTree(places.reshape(-1, 3)).query(balls.centers[rows])
+            places, slack = self._seen_from(own)
+            found, nearest = _nearest(places.reshape(-1, 3), balls.centers[rows])
             away[rows] = found - balls.radii[rows] - slack.max(initial=0.0)
             at[rows] = nearest // places.shape[1]
         return away, at
@@ -244,6 +241,13 @@ class _Held:
         bend[:, self.bones == own] = 0.0
         ways = np.linalg.norm(np.diff(places, axis=0), axis=2)
         return places, ways / 2.0 + bend / 8.0
+
+
+def _nearest(points: FloatArray, places: FloatArray) -> tuple[FloatArray, IntArray]:
+    """How far from each of n places the nearest of some points is [m], shape (n,), and which it is, shape (n,)."""
+    from scipy.spatial import KDTree
+
+    return KDTree(points).query(places)
 
 
 def _off_heaviest(attached: Attached, points: FloatArray, poses: list[Pose]) -> FloatArray:
