@@ -247,7 +247,8 @@ def _nearest(points: FloatArray, places: FloatArray) -> tuple[FloatArray, IntArr
     """How far from each of n places the nearest of some points is [m], shape (n,), and which it is, shape (n,)."""
     from scipy.spatial import KDTree
 
-    return KDTree(points).query(places)
+    found, nearest = KDTree(points).query(places)
+    return np.asarray(found), np.asarray(nearest, dtype=np.int64)
 
 
 def _off_heaviest(attached: Attached, points: FloatArray, poses: list[Pose]) -> FloatArray:
