@@ -139,16 +139,18 @@ def links_of(assembly: Assembly, dtype: type[np.floating]) -> Links:
         return Links(record, split_bends_record(springs, count, dtype) if has_bends else None, *times, splits)
     from cape.assembly.mesh.pieces import alike_pieces
 
-    first, *others = (_mesh_links(piece, count, dtype) for piece in alike_pieces(assembly.cloth, springs))
+    first, *others = (_mesh_links(piece, dtype) for piece in alike_pieces(assembly.cloth, springs))
     return first._replace(pieces=tuple(PieceLinks(links, np.zeros((3, count), dtype)) for links in others))
 
 
-def _mesh_links(piece: "Piece", count: int, dtype: type[np.floating]) -> Links:
-    """The springs of a piece of a mesh of so many vertices."""
+def _mesh_links(piece: "Piece", dtype: type[np.floating]) -> Links:
+    """The springs of a piece of a mesh."""
     from cape.assembly.mesh.links import mesh_bends_record, mesh_membrane_record, mesh_springs_record
 
-    springs, times = piece.springs, damping_times(piece.fabric, piece.springs)
+    springs, count, whole = piece.springs, len(piece.vertices), bool(piece.vertices.all())
+    times = damping_times(piece.fabric, springs)
     bends = mesh_bends_record(springs, count, dtype) if len(springs.bend_stiffness) else None
     if springs.membrane is not None:
-        return Links(mesh_membrane_record(springs.membrane, count, dtype), bends, *times)
+        record = mesh_membrane_record(springs.membrane, count, dtype, piece=not whole)
+        return Links(record, bends, *times)
     return Links(mesh_springs_record(springs, count, dtype), bends, *times)
