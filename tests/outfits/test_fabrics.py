@@ -25,6 +25,9 @@ from cape.cloth.looks.registry import LOOKS
 from cape.cloth.looks.sewn import texture_of
 from cape.cloth.patches.patchwork import Patchwork
 from cape.forces.elastic import Elastic
+from cape.live.changes import Changes
+from cape.live.rig import Rig
+from cape.live.sources import TrackSource
 from cape.outfits.combined import Outfit, as_mesh, combined, of_fabric, takes_apart
 from cape.record.worn import worn_of
 from cape.run.strain_limit import LEFT, StrainLimit
@@ -33,6 +36,7 @@ from cape.scene.scene import Scene
 from cape.solvers import SOLVERS, XPBD, Solver
 from cape.solvers.euler import SymplecticEuler
 from motions.errors import FileError, UserError, ValueRangeError
+from tests.live.test_rig import Later, at_once
 from tests.support.code import name_of, requests_of
 from tests.support.processes import mistake_told
 from tests.support.scenes import DOUBLE, Run, every_solver, grid_cloth, irregular, turn_about
@@ -190,6 +194,11 @@ def test_threads_may_get_as_long_as_the_fabric_of_each_lets_them():
     rest = dict(zip(zip(springs.first, springs.second, strict=True), springs.rest, strict=True))
     may = zip(links.first, links.second, links.longest, strict=True)
     assert {round(most / rest[a, b] - 1.0, 6) for a, b, most in may} == {0.01, 0.02, 0.05, 0.06}
+    ties, attached = run.assembly.ties, run.assembly.attached
+    assert ties is not None
+    assert attached is not None
+    pairs = zip(attached.vertices[ties.first], attached.vertices[ties.second], ties.longest, strict=True)
+    assert {round(most / rest[a, b] - 1.0, 6) for a, b, most in pairs} == {0.01, 0.05}
     moving = moved(scene, DOUBLE[0], 400, frames=8).positions
     alone = np.concatenate([moved(held(each, limit=True), DOUBLE[0], 400, frames=8).positions for each in sheets])
     np.testing.assert_allclose(moving, alone, atol=1e-10)
@@ -228,7 +237,33 @@ def test_what_a_mesh_of_several_fabrics_can_not_be_is_told():
     assert {part.cloth.fabric for part in denim.parts} == {cape.FABRICS["denim"]}
 
 
-# -- looks --
+# -- looks, and what changes them --
+
+
+def test_a_live_run_has_all_of_another_fabric_and_is_put_on_anew_as_it_was():
+    outfit, _ = apart()
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1, 1))
+    track = skeleton.BoneTrack(("rod",), np.arange(2) / 60, np.zeros((2, 1, 3)), turns)
+    rig = Rig(held(outfit), TrackSource(track), SymplecticEuler(), threads=1)
+    rig.start()
+    rig.step(1 / 60)
+    builder = Later()
+    changes = Changes(rig, builder, at_once)
+
+    def worn() -> Outfit:
+        builder.work()
+        builder.hand_over()
+        rig.step(1 / 60)
+        assert isinstance(rig.scene.cloth, Outfit)
+        return rig.scene.cloth
+
+    changes.reset()
+    assert [part.cloth.fabric for part in worn().parts] == [HEAVY, LIVELY]
+    changes.set_fabric("denim")
+    changes.reset()
+    cloth = worn()
+    assert {cloth.fabric, *(part.cloth.fabric for part in cloth.parts)} == {cape.FABRICS["denim"]}
+    assert cloth.masses().sum() == pytest.approx(2 * 0.3 * 0.42 * cape.FABRICS["denim"].density)
 
 
 def test_each_is_drawn_and_kept_as_what_it_is_of(tmp_path):
