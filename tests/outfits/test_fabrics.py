@@ -28,8 +28,10 @@ from cape.forces.elastic import Elastic
 from cape.live.changes import Changes
 from cape.live.rig import Rig
 from cape.live.sources import TrackSource
+from cape.measure.ledger import Balance, Ledger
 from cape.outfits.combined import Outfit, as_mesh, combined, of_fabric, takes_apart
 from cape.record.worn import worn_of
+from cape.run.simulation import Simulation
 from cape.run.strain_limit import LEFT, StrainLimit
 from cape.scene.holding.attachments import attach
 from cape.scene.scene import Scene
@@ -111,6 +113,25 @@ def test_cloths_that_never_meet_move_as_each_by_itself(other: Fabric, layout: st
     # What a stage is solved to is seen over all vertices: the implicit ones come as near as they are solved.
     np.testing.assert_allclose(together, alone, atol=1e-10 if solver in DOUBLE else 2e-8)
     assert np.abs(alone - outfit.positions).max() > 0.02
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_energy_is_accounted_for_as_that_of_each(layout: str):
+    def balance(cloth: MeshCloth) -> Balance:
+        simulation = Simulation(held(cloth), solver=SymplecticEuler(substeps=80), threads=1, ledger=Ledger())
+        simulation.start({"rod": (np.zeros(3), [1.0, 0.0, 0.0, 0.0])}, settle=0.0)
+        for frame in range(1, 9):
+            simulation.step({"rod": (np.array([0.02 * frame, 0.0, 0.0]), [1.0, 0.0, 0.0, 0.0])}, 1 / 60)
+        assert simulation.ledger is not None
+        return simulation.ledger.balance
+
+    outfit, sheets = apart(layout)
+    together, *alone = (balance(cloth) for cloth in (outfit, *sheets))
+    for name in ("kinetic", "elastic", "damping", "air", "attachments"):
+        each = [getattr(balance, name)[-1] for balance in alone]
+        assert getattr(together, name)[-1] == pytest.approx(sum(each), rel=1e-3)
+    assert min(balance.damping[-1] for balance in alone) > 0.0
+    assert abs(together.residual[-1]) < 1e-6 * together.attachments[-1]
 
 
 @every_solver
