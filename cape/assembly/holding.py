@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly.fabrics import of_vertices
 from cape.assembly.geodesics import geodesic_distances
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth
@@ -99,7 +100,7 @@ def ties_of(cloth: Cloth, springs: Springs, attached: Attached) -> Ties:
     places[attached.vertices] = np.arange(count)
     first, second = places[springs.first], places[springs.second]
     chosen = springs.measured & (first >= 0) & (second >= 0)
-    limit = min(cloth.fabric.limit_warp, cloth.fabric.limit_weft)
+    limit = of_vertices(cloth, lambda f: min(f.limit_warp, f.limit_weft), springs.first[chosen])
     room = (np.zeros((count, 3)) for _ in range(2))
     return Ties(first[chosen], second[chosen], (1.0 + limit) * springs.rest[chosen], *room)
 

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly.fabrics import of_triangles
 from cape.cloth.cloth import MeshCloth, areas
 from cape.cloth.fabric import Fabric
 from cape.cloth.triangle_mesh import Edges
@@ -57,7 +58,8 @@ class Membrane:
         neighbours: triangles beyond the side from each corner to the next, itself beyond a border, shape (T, 3).
         own: share of a triangle's own strain in its smoothed strain, shape (T,).
         share: of the neighbours' strains, 0 beyond a border, shape (T, 3).
-        stiffness: C, of strains along weft and warp and of the shear angle [N/m], shape (3, 3).
+        stiffness: C, of strains along weft and warp and of the shear angle [N/m], shape (3, 3), or (T, 3, 3) where
+            pieces are of different fabrics.
     """
 
     faces: IntArray
@@ -113,7 +115,8 @@ class Membrane:
         """Energy [J] at positions [m], shape (N, 3); what some triangles (n,) add to it, or all."""
         if triangles is None:
             strains = self.strains(positions)
-            return 0.5 * float(self.area @ np.einsum("tc,cd,td->t", strains, self.stiffness, self.smoothed(strains)))
+            sums = "tc,cd,td->t" if self.stiffness.ndim == 2 else "tc,tcd,td->t"
+            return 0.5 * float(self.area @ np.einsum(sums, strains, self.stiffness, self.smoothed(strains)))
         part, place = self.among(triangles)
         strains = part.strains(positions)
         tension = part.smoothed(strains)[place] @ part.stiffness
@@ -137,12 +140,12 @@ class Membrane:
             neighbours=np.where(within, beyond, np.arange(len(members))[:, None]),
             own=1.0 - share.sum(axis=1),
             share=share,
-            stiffness=self.stiffness,
+            stiffness=self.stiffness if self.stiffness.ndim == 2 else self.stiffness[members],
         )
         return part, number[triangles]
 
     def forces_between(self, moved: FloatArray, gradients: FloatArray) -> FloatArray:
-        """Forces [N] against small displacements [m], shape (N, 3), at F without tension; shape (N, 3)."""
+        """Forces [N] of one fabric against small displacements [m], shape (N, 3), at F without tension; (N, 3)."""
         change = self.gradients(moved)
         strains = np.stack(
             [
@@ -158,7 +161,8 @@ class Membrane:
         return self._scattered(np.stack([along, across], axis=1), len(moved))
 
     def bounding_forces(self, moved: FloatArray) -> FloatArray:
-        """Forces [N] of a matrix that bounds that of the membrane from above, along any axis; `moved` (N, D) [m].
+        """Forces [N] of a matrix that bounds that of the membrane from above, along any axis; `moved` (N, D) [m]. It
+        is of one fabric.
 
         For a displacement along any direction, which makes angles with both threads, E'CE is at most
         max(C11, C33) a^2 + max(C22, C33) b^2 + (C12 + C33) (a^2 + b^2) / 2 of its slopes a and b, and smoothing makes
@@ -212,7 +216,7 @@ def membrane_of(cloth: MeshCloth, edges: Edges) -> Membrane:
         neighbours=neighbours,
         own=1.0 - share.sum(axis=1),
         share=share,
-        stiffness=plane_stiffness(cloth.fabric),
+        stiffness=of_triangles(cloth, plane_stiffness),
     )
 
 

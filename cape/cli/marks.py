@@ -11,10 +11,12 @@ class OneOf:
     Attributes:
         names: gives them.
         separator: between several; None for one alone.
+        of: gives names of what it may be for, which then stand before it, as NAME=VALUE; None where it is for all.
     """
 
     names: Callable[[], Iterable[str]]
     separator: str | None = None
+    of: Callable[[], Iterable[str]] | None = None
 
 
 @dataclass(frozen=True)

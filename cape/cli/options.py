@@ -207,8 +207,14 @@ def cut(
         OneOf(marks.garments),
     ] = None,
     fabric: Annotated[
-        str, typer.Option(help="Name of a fabric (cape fabrics lists them)."), OneOf(marks.fabrics)
-    ] = "cape",
+        list[str] | None,
+        typer.Option(
+            metavar="[GARMENT=]FABRIC",
+            help="Name of a fabric (cape fabrics lists them), by default cape; repeated, such as skirt=denim, for "
+            "garments that have one of their own.",
+        ),
+        OneOf(marks.fabrics, of=marks.garments),
+    ] = None,
     spacing: Annotated[
         float | None, typer.Option(help="Mean distance of the cloth's vertices [m]; by default for 1,500 of them.")
     ] = None,
@@ -322,9 +328,11 @@ def cut(
     from cape.cli.commands.replay import Cut
     from cape.cli.scenes.meshes import MeshOptions
 
+    for_all = [name for name in fabric or () if "=" not in name][:1]
     return Cut(
         garments=tuple(garment or ()),
-        fabric=fabric,
+        fabric=for_all[0] if for_all else Cut.fabric,
+        fabrics=tuple(name for name in fabric or () if name not in for_all),
         spacing=spacing,
         length=length,
         solver=solver,

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 MOVING = ("end", "fps")  # of a motion's options those that go for any motion
 WEARING = {
     "garments": "garment",
+    "fabrics": "the garments of fabrics",
     "length": "length",
     "hold": "hold",
     "mesh": "cloth",

@@ -13,6 +13,7 @@ from cape.cloth import tailoring
 from cape.cloth.drawn.textures import Textures
 from cape.cloth.drawn.visual import Visual
 from cape.cloth.fabric import Fabric
+from cape.cloth.patches.patchwork import Patchwork
 from motions import quaternions
 from motions.border import checked
 from motions.errors import UnknownNameError, ValueRangeError
@@ -392,11 +393,13 @@ class MeshCloth(Cloth):
         corners: of each triangle where it has no tension, laid flat: along the weft and the warp [m], shape (T, 3, 2).
         threads: edges that lie along its threads, on which its stretch is measured, the lower vertex first, shape
             (n, 2); None for all edges, those on the bias with them, which get longer where the cloth is sheared.
+        patchwork: its fabrics, `fabric` among them, where pieces are of different ones; None where all is of `fabric`.
     """
 
     faces: IntArray
     corners: FloatArray
     threads: IntArray | None = None
+    patchwork: Patchwork | None = None
 
     @property
     def has_threads(self) -> bool:
@@ -427,7 +430,9 @@ class MeshCloth(Cloth):
     def masses(self) -> FloatArray:
         """Mass of each vertex [kg], shape (V,): a third of its triangles' area without tension times the density."""
         layers = np.ones(1) if self.layers is None else self.layers
-        return _thirds(self.faces, areas(self.corners) * layers * self.fabric.density, self.vertices)
+        patches = self.patchwork
+        density = self.fabric.density if patches is None else patches.of_triangles(lambda fabric: fabric.density)
+        return _thirds(self.faces, areas(self.corners) * layers * density, self.vertices)
 
 
 def areas(corners: FloatArray) -> FloatArray:

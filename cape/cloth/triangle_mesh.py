@@ -157,6 +157,7 @@ def reordered(cloth: MeshCloth, order: IntArray) -> MeshCloth:
         corners=cloth.corners[follow],
         threads=None if cloth.threads is None else np.sort(number[cloth.threads], axis=1),
         layers=None if cloth.layers is None else cloth.layers[follow],
+        patchwork=None if cloth.patchwork is None else cloth.patchwork.in_order(follow),
         regions={name: number[region] for name, region in cloth.regions.items()},
     )
 

@@ -6,17 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
+from cape.assembly.springs import Springs
 from cape.cloth.cloth import GridCloth
+from cape.cloth.fabric import Fabric
 from cape.cloth.split_mesh import SplitMesh
 from cape.forces.base import Acting, Force
 from cape.kernels.cloth.grid import GridBends, GridForces, GridSprings, grid_bends, grid_springs
 from cape.kernels.cloth.membrane import MembraneForces, MeshMembrane, mesh_membrane
-from cape.kernels.cloth.mesh import MeshForces, MeshSprings, mesh_springs
+from cape.kernels.cloth.mesh import Added, MeshForces, MeshSprings, add_forces, mesh_springs
 from cape.kernels.cloth.mesh_bending import MeshBendForces, MeshBends, mesh_bends
 from cape.kernels.program import Use
 from cape.scene.scene import Scene
 
 if TYPE_CHECKING:
+    from cape.assembly.mesh.pieces import Piece
     from cape.assembly.mesh.split_records import Splits
 
 
@@ -39,8 +42,20 @@ class Elastic(Force):
 
     @staticmethod
     def uses(acting: Acting, arrays: "Links") -> list[Use]:
-        """One unit for a grid; for a mesh one of springs or of a membrane, and one of bending where there is any."""
-        a, state, forces = arrays, acting.state, acting.forces
+        """One unit for a grid; for a mesh one of springs or of a membrane, and one of bending where there is any.
+
+        Pieces of other fabrics have units of their own, and one that adds up what these set.
+        """
+        uses = Elastic._uses_of(arrays, acting)
+        for piece in arrays.pieces:
+            uses += Elastic._uses_of(piece.links, acting._replace(forces=piece.forces))
+            uses.append(Use(add_forces, Added(piece.forces, acting.forces)))
+        return uses
+
+    @staticmethod
+    def _uses_of(a: "Links", acting: Acting) -> list[Use]:
+        """The units of the springs of a cloth, or of a piece of it."""
+        state, forces = acting.state, acting.forces
         if isinstance(a.springs, GridSprings):
             assert acting.room is not None
             assert not isinstance(a.bends, MeshBends)
@@ -76,7 +91,8 @@ class Elastic(Force):
 class Links(NamedTuple):
     """Springs or a membrane, and bend springs, in a precision, with damping times [s]; None for what a cloth lacks.
 
-    `splits` tells where they stand in a mesh that may split.
+    `splits` tells where they stand in a mesh that may split. `pieces` are those of other fabrics, on the same vertices,
+    where kernels take for one number what differs; the rest is then of the first.
     """
 
     springs: GridSprings | MeshSprings | MeshMembrane
@@ -84,19 +100,26 @@ class Links(NamedTuple):
     damping: float | None
     bend_damping: float | None
     splits: "Splits | None" = None
+    pieces: "tuple[PieceLinks, ...]" = ()
 
 
-def damping_times(assembly: Assembly) -> tuple[float | None, float | None]:
+class PieceLinks(NamedTuple):
+    """The springs of a piece, and room for the forces (3, N) [N] that they set."""
+
+    links: Links
+    forces: NDArray[np.floating]
+
+
+def damping_times(fabric: Fabric, springs: Springs) -> tuple[float | None, float | None]:
     """Damping times [s] of springs and of bend springs; None for none."""
-    fabric = assembly.cloth.fabric
-    has_bends = len(assembly.springs.bend_stiffness) > 0
+    has_bends = len(springs.bend_stiffness) > 0
     return fabric.damping_time or None, (fabric.bend_damping_time or None) if has_bends else None
 
 
 def links_of(assembly: Assembly, dtype: type[np.floating]) -> Links:
     """The springs of a cloth as kernels take them."""
-    springs, count, times = assembly.springs, assembly.cloth.vertices, damping_times(assembly)
-    has_bends = len(springs.bend_stiffness) > 0
+    springs, count = assembly.springs, assembly.cloth.vertices
+    times, has_bends = damping_times(assembly.cloth.fabric, springs), len(springs.bend_stiffness) > 0
     if isinstance(assembly.cloth, GridCloth):
         families = springs.families
         if families is None:
@@ -114,9 +137,20 @@ def links_of(assembly: Assembly, dtype: type[np.floating]) -> Links:
         in_plane = split_springs_record if springs.membrane is None else split_membrane_record
         record, splits = in_plane(springs, assembly.cloth, dtype)
         return Links(record, split_bends_record(springs, count, dtype) if has_bends else None, *times, splits)
+    from cape.assembly.mesh.pieces import alike_pieces
+
+    first, *others = (_mesh_links(piece, dtype) for piece in alike_pieces(assembly.cloth, springs))
+    return first._replace(pieces=tuple(PieceLinks(links, np.zeros((3, count), dtype)) for links in others))
+
+
+def _mesh_links(piece: "Piece", dtype: type[np.floating]) -> Links:
+    """The springs of a piece of a mesh."""
     from cape.assembly.mesh.links import mesh_bends_record, mesh_membrane_record, mesh_springs_record
 
-    bends = mesh_bends_record(springs, count, dtype) if has_bends else None
+    springs, count, whole = piece.springs, len(piece.vertices), bool(piece.vertices.all())
+    times = damping_times(piece.fabric, springs)
+    bends = mesh_bends_record(springs, count, dtype) if len(springs.bend_stiffness) else None
     if springs.membrane is not None:
-        return Links(mesh_membrane_record(springs.membrane, count, dtype), bends, *times)
+        record = mesh_membrane_record(springs.membrane, count, dtype, piece=not whole)
+        return Links(record, bends, *times)
     return Links(mesh_springs_record(springs, count, dtype), bends, *times)

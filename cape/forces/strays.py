@@ -62,7 +62,7 @@ class Strays(Force):
             np.zeros((4, m), np.uint32), np.zeros((4, m), dtype), np.zeros(m, dtype),
         )  # fmt: skip
         fill_springs(springs, _split_springs(assembly))
-        return DampedStrays(springs, *damping_times(assembly))
+        return DampedStrays(springs, *damping_times(assembly.cloth.fabric, assembly.springs))
 
     @staticmethod
     def uses(acting: Acting, arrays: DampedStrays) -> list[Use]:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
+from cape.assembly.fabrics import of_vertices
 from cape.forces.air import relative_room
 from cape.forces.base import Acting, Force
 from cape.kernels.cloth.skin import Skin, SkinForces, skin_drag
@@ -36,7 +37,7 @@ class ViscousAir(Force):
         """The force per speed on each vertex."""
         wind = assembly.scene.wind
         assert wind is not None
-        areas = assembly.mass / assembly.cloth.fabric.density
+        areas = assembly.mass / of_vertices(assembly.cloth, lambda fabric: fabric.density)
         skin = Skin(assembly.wind, (wind.viscous * areas).astype(dtype))
         return Sticking(skin, relative_room(assembly, dtype))
 

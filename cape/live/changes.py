@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cape.assembly.fabrics import patchwork_of
 from cape.cloth.fabric import Fabric
 from cape.cloth.fabrics import fabric as fabric_named
 from cape.live.builder import Builder
 from cape.live.holds import corners, rim, tear_path
 from cape.live.rig import Built, Rig
+from cape.outfits.combined import of_fabric
 from cape.scene.scene import Scene
 from cape.scene.self_contact import SelfContact
 from cape.solvers import Solver, SymplecticEuler
@@ -174,7 +176,7 @@ class Changes:
         def made(scene: Scene) -> tuple[Scene, str]:
             of = fabric_named(fabric) if isinstance(fabric, str) else fabric
             # The same threads as before, whatever they are limited by.
-            return replace(scene, cloth=replace(scene.cloth, fabric=of)), f"fabric {fabric}"
+            return replace(scene, cloth=of_fabric(scene.cloth, of)), f"fabric {fabric}"
 
         self._change_scene(made)
 
@@ -232,9 +234,9 @@ class Changes:
         """Put the cloth of the first scene on anew where its bones are, with the fabric that it has now."""
 
         def reset() -> str | None:
-            first = self._rig.first
-            fabric = self._wanted.cloth.fabric
-            self._ask(replace(first, cloth=replace(first.cloth, fabric=fabric)), "put on anew", anew=True)
+            first, now = self._rig.first, self._wanted.cloth
+            cloth = first.cloth if patchwork_of(now) is not None else of_fabric(first.cloth, now.fabric)
+            self._ask(replace(first, cloth=cloth), "put on anew", anew=True)
             return None
 
         self._do(reset)

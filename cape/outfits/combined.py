@@ -1,4 +1,4 @@
-"""Several cloths of one fabric as one, whose parts meet as layers of one cloth do, and its takes apart again."""
+"""Several cloths as one, whose parts meet as layers of one cloth do, and its takes apart again."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from cape.assembly.springs import springs_of
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
+from cape.cloth.fabric import Fabric
+from cape.cloth.patches.patchwork import Patchwork
 from cape.cloth.sewing import along_threads
 from cape.measure.contact_points import ContactPoints
 from cape.results.take import Take
@@ -51,9 +53,9 @@ class Outfit(MeshCloth):
 
 
 def combined(names: Sequence[str], cloths: Sequence[Cloth], places: Sequence[FloatArray]) -> Outfit:
-    """Make one cloth of several of one fabric.
+    """Make one cloth of several, each of its own fabric.
 
-    Regions are called by the part and their own name: "skirt.hem".
+    Regions are called by the part and their own name: "skirt.hem". The `fabric` of all is that of the outermost.
 
     Args:
         names: of the cloths.
@@ -61,14 +63,13 @@ def combined(names: Sequence[str], cloths: Sequence[Cloth], places: Sequence[Flo
         places: where the vertices of each start in the world [m], shape (V, 3).
 
     Raises:
-        ValueRangeError: there is none, two share a name, or fabrics differ.
+        ValueRangeError: there is none, two share a name, or one is of several fabrics itself.
     """
     if not names or len(set(names)) < len(names):
         raise ValueRangeError(f"cloths that are worn together need different names, not {', '.join(names) or 'none'}")
-    fabric = cloths[0].fabric
-    if any(cloth.fabric != fabric for cloth in cloths):
-        raise ValueRangeError("cloths that are worn together are of one fabric")
     meshes = [as_mesh(cloth) for cloth in cloths]
+    if any(mesh.patchwork is not None for mesh in meshes):
+        raise ValueRangeError("a cloth that is worn with others is of one fabric")
     starts = np.cumsum([0, *(mesh.vertices for mesh in meshes)]).tolist()
     lefts = np.cumsum([0.0, *(np.ptp(mesh.pattern[:, 0]) + APART for mesh in meshes)])
     threads = [None if m.threads is None else m.threads + start for m, start in zip(meshes, starts, strict=False)]
@@ -77,7 +78,8 @@ def combined(names: Sequence[str], cloths: Sequence[Cloth], places: Sequence[Flo
             [m.pattern - m.pattern.min(axis=0) + [left, 0.0] for m, left in zip(meshes, lefts, strict=False)]
         ),
         positions=np.concatenate(list(places)),
-        fabric=fabric,
+        fabric=cloths[-1].fabric,
+        patchwork=_patchwork(meshes),
         layers=np.concatenate([np.ones(len(m.faces)) if m.layers is None else m.layers for m in meshes]),
         regions={
             f"{name}.{region}": start + vertices
@@ -89,6 +91,24 @@ def combined(names: Sequence[str], cloths: Sequence[Cloth], places: Sequence[Flo
         threads=None if any(t is None for t in threads) else np.concatenate([t for t in threads if t is not None]),
         parts=tuple(map(Part, names, cloths, starts)),
     )
+
+
+def _patchwork(meshes: Sequence[MeshCloth]) -> Patchwork | None:
+    """Which of the meshes' triangles are of which fabric; None where all are of one."""
+    fabrics = list(dict.fromkeys(mesh.fabric for mesh in meshes))
+    if len(fabrics) == 1:
+        return None
+    return Patchwork(tuple(fabrics), np.concatenate([np.full(len(m.faces), fabrics.index(m.fabric)) for m in meshes]))
+
+
+def of_fabric(cloth: Cloth, fabric: Fabric) -> Cloth:
+    """A cloth as it is, all of another fabric; an outfit with all of its parts."""
+    if isinstance(cloth, Outfit):
+        parts = tuple(replace(part, cloth=replace(part.cloth, fabric=fabric)) for part in cloth.parts)
+        return replace(cloth, fabric=fabric, patchwork=None, parts=parts)
+    if isinstance(cloth, MeshCloth):
+        return replace(cloth, fabric=fabric, patchwork=None)
+    return replace(cloth, fabric=fabric)
 
 
 def as_mesh(cloth: Cloth) -> MeshCloth:

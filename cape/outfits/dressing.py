@@ -22,7 +22,7 @@ from cape.outfits.girding import WAIST, Band, bulges, gathered, hangs_out, uprig
 from cape.run.simulation import Simulation
 from cape.run.whereabouts import Diverged
 from cape.scene.colliders import Box, Ellipsoid
-from cape.scene.dress import dress
+from cape.scene.dress import dress, fabric_of_each
 from cape.scene.holding.attachments import Attachment
 from cape.scene.poses import poses_of
 from cape.scene.scene import Scene
@@ -70,11 +70,15 @@ def dress_in(body: "Skeleton", track: BoneTrack, garments: Sequence[str], **opti
     contact = contact if isinstance(contact, SelfContact) else SelfContact()
     own = {name: options.pop(name, None) for name in ("length", "flare", "hold")}
     skin = options.pop("colliders", None) or body.capsules()
+    fabrics = fabric_of_each(options.pop("fabric", None), garments)
 
     def cut(level: int, room: float) -> Scene:
         colliders = [solid.grown(room) if isinstance(solid, Bounded) else solid for solid in skin]
         more = own if level == len(names) - 1 else {}
-        return dress(body, track, garment=names[level], colliders=colliders, self_contact=contact, **options, **more)
+        return dress(
+            body, track, garment=names[level], fabric=fabrics[names[level]], colliders=colliders, self_contact=contact,
+            **options, **more,
+        )  # fmt: skip
 
     scenes = [cut(level, level * ROOM) for level in range(len(names))]
     thickness = max(scene.thickness for scene in scenes)

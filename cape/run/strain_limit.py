@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
+from cape.assembly.fabrics import of_vertices
 from cape.assembly.springs import Springs
 from cape.kernels.calling import Bound
 from cape.kernels.cloth.measure import is_strained
@@ -29,14 +30,17 @@ class StrainLimit:
 
         `longest`, arrays of any shape, is what steps let them be [m]; none where nothing limits them.
         """
-        springs, free, fabric = assembly.springs, assembly.free, assembly.cloth.fabric
+        springs, free = assembly.springs, assembly.free
         self._chosen = chosen = springs.measured & (free[springs.first] | free[springs.second])
         self._first, self._second, self._rest = springs.first[chosen], springs.second[chosen], springs.rest[chosen]
-        self._most = float(max(fabric.limit_warp, fabric.limit_weft)) + LEFT
+        self._most = of_vertices(assembly.cloth, lambda f: max(f.limit_warp, f.limit_weft), self._first) + LEFT
         self._state, self._colliders = state, assembly.contacts.colliders
         self._longest, self._usual = longest, [each.copy() for each in longest]
         self._acts, self.lasting = len(longest) > 0, 0
-        self._any = Bound(is_strained, *state[:3], self._first, self._second, self._rest, self._most)
+        # Where threads have limits of their own, lengths that they may get are told in place of those at rest.
+        alike = self._most.ndim == 0
+        rest, most = (self._rest, float(self._most)) if alike else ((1.0 + self._most) * self._rest, 0.0)
+        self._any = Bound(is_strained, *state[:3], self._first, self._second, rest, most)
 
     @property
     def acts(self) -> bool:
@@ -74,15 +78,15 @@ class StrainLimit:
         """
         if not self._acts or not self._any():
             return 0.0
-        strains = self._strains()
+        beyond = self._strains() - self._most
         if self._colliders is not None:
             pinched = self._colliders.pinched
-            strains = strains[~pinched[self._first] & ~pinched[self._second]]
-        return max(float(strains.max(initial=0.0)) - self._most, 0.0)
+            beyond = beyond[~pinched[self._first] & ~pinched[self._second]]
+        return float(beyond.max(initial=0.0))
 
     def torn(self) -> bool:
         """Tell whether some bear far more than the limit, as where limbs draw out more than all together may give."""
-        return self._acts and bool(self._any()) and bool(self._strains().max() > self._most + TORN)
+        return self._acts and bool(self._any()) and bool((self._strains() > self._most + TORN).any())
 
     def rest(self) -> None:
         """Limit threads again, once their stiffness alone has brought them back to what they may bear."""

@@ -39,7 +39,7 @@ def dress(
     length: float | None = None,
     flare: float | None = None,
     spacing: float | None = None,
-    fabric: Fabric | None = None,
+    fabric: Fabric | Mapping[str, Fabric] | None = None,
     colliders: Sequence[Collider] | None = None,
     wind: Wind | None = None,
     self_contact: bool | SelfContact | None = None,
@@ -61,7 +61,8 @@ def dress(
         flare: length of the hem divided by that of the neckline, or of the waist, or of the ring around the shoulders
             where the garment lies on them; None for the garment's own.
         spacing: mean distance of neighbouring vertices [m]; None for the garment's own, as 0.0137 of the body's height.
-        fabric: None for that of `Fabric()`.
+        fabric: of what is worn, or of each garment by its name, as {"cloak": ..., "skirt": ...}; None, and for garments
+            that are not named, that of `Fabric()`.
         colliders: what surrounds its limbs; None for capsules by the proportions of the human body.
         wind: the air; None for still air.
         self_contact: whether, or how, layers of the cape are kept from passing through each other; None where the
@@ -72,7 +73,8 @@ def dress(
         tearing: when the cloth parts; None for never.
 
     Raises:
-        ValueRangeError: a size is out of range, or garments can't be worn over each other.
+        ValueRangeError: a size is out of range, garments can't be worn over each other, or a fabric is given for what
+            is not worn.
         UnknownNameError: there is no such garment, it has no such region, or the body no such bone; or it has no
             shoulders, upper arms, chest, pelvis or head, as far as the garment needs them, that are known by name.
     """
@@ -91,7 +93,8 @@ def dress(
     fitted = Fitted(body, colliders)
     floor = floor_of(body, colliders, track)
     room = _room(body, track, colliders, floor) if length is None else None
-    worn = kind.fit(fitted, Measures(length=length, flare=flare, spacing=spacing, fabric=fabric, room=room))
+    own = fabric_of_each(fabric, [garment])[garment]
+    worn = kind.fit(fitted, Measures(length=length, flare=flare, spacing=spacing, fabric=own, room=room))
     hold = hold or {}
     worn = worn._replace(holds=tuple(own for own in worn.holds if own.region not in hold))
     for bone in hold.values():
@@ -115,6 +118,22 @@ def dress(
         return scene
     pose = zip(*worn.put_on.pose(scene.bones), strict=True)
     return replace(scene, dressing=dict(zip(scene.bones, pose, strict=True)))
+
+
+def fabric_of_each(
+    fabric: Fabric | Mapping[str, Fabric] | None, garments: Sequence[str]
+) -> Mapping[str, Fabric | None]:
+    """The fabric of each of some garments, None for the usual one.
+
+    Raises:
+        ValueRangeError: one is given for what is not among them.
+    """
+    if not isinstance(fabric, Mapping):
+        return dict.fromkeys(garments, fabric)
+    for name in fabric:
+        if name not in garments:
+            raise ValueRangeError(f"a fabric is given for the {name}, but worn is: {', '.join(garments)}")
+    return {name: fabric.get(name) for name in garments}
 
 
 def _room(body: "Skeleton", track: BoneTrack, colliders: Sequence[Collider], floor: Plane) -> float | None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly, force_scratch, inertia_of
+from cape.assembly.fabrics import patchwork_of
 from cape.assembly.stability import Ground, largest_step
 from cape.cloth.cloth import GridCloth
 from cape.forces.base import Force
@@ -151,8 +152,17 @@ def _flat(assembly: Assembly) -> NDArray[np.float64]:
 
 
 def _largest_step(assembly: Assembly, positions: NDArray[np.float64] | None) -> float:
-    springs, fabric = assembly.springs.acting, assembly.cloth.fabric
-    return largest_step(springs, fabric, assembly.inverse_mass, positions, _ground(assembly))
+    """The largest stable step [s]: of the piece, where these are of several fabrics, that needs the shortest."""
+    cloth, springs, ground = assembly.cloth, assembly.springs.acting, _ground(assembly)
+    if patchwork_of(cloth) is None:
+        return largest_step(springs, cloth.fabric, assembly.inverse_mass, positions, ground)
+    from cape.assembly.mesh.pieces import pieces_of
+
+    light = assembly.inverse_mass
+    return min(
+        largest_step(piece.springs, piece.fabric, np.where(piece.vertices, light, 0.0), positions, ground)
+        for piece in pieces_of(cloth, springs)
+    )
 
 
 def _ground(assembly: Assembly) -> Ground | None:

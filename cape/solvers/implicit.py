@@ -145,8 +145,10 @@ class ImplicitSolver(Solver):
         matrix, layout = matrix_of(assembly, arrays[Elastic], INNER, negligible=negligible)
         chunks, size = -(-count // CHUNK), matrix.mass.size
         ranks, terms = len(assembly.ranks), np.zeros(size, INNER)
-        # What touches something is solved for so loosely that levels cost more than they save.
-        links = link_blocks(matrix, layout, arrays[Elastic]) if _is_free(assembly.contacts) else None
+        # What touches something is solved for so loosely that levels cost more than they save; pieces that are damped
+        # in different ways have no springs in common of which levels could be made.
+        leveled = _is_free(assembly.contacts) and not layout.pieces
+        links = link_blocks(matrix, layout, arrays[Elastic]) if leveled else None
         return ImplicitArrays(
             forces=arrays,
             inertia=inertia_of(assembly, dtype),

@@ -1,5 +1,6 @@
 """The matrix of an implicit solver's Newton steps, and what the forces of a cloth give to it."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
 from cape.assembly.multigrid.levels import LinkBlocks
+from cape.assembly.springs import Springs
 from cape.cloth.cloth import GridCloth
 from cape.forces.elastic import Links
 from cape.kernels.cloth.grid import GridSprings
@@ -66,7 +68,8 @@ class Nearest(NamedTuple):
 
 class Layout(NamedTuple):
     """What springs, or a membrane, and bend springs give to the matrix: see `GridStiffness`, `MeshStiffness`,
-    `MembraneStiffness` and `MeshBendStiffness`. Of a membrane `coefficients` are its tension, `ends` what p changes."""
+    `MembraneStiffness` and `MeshBendStiffness`. Of a membrane `coefficients` are its tension, `ends` what p changes.
+    `pieces` are those of other fabrics, each with the matrix as it is damped there."""
 
     coefficients: Array
     couplings: Array | None = None
@@ -75,6 +78,7 @@ class Layout(NamedTuple):
     nearest: Nearest | None = None
     bends: MeshBends | None = None
     diagonal: Array | None = None
+    pieces: "tuple[tuple[Matrix, Layout], ...]" = ()
 
 
 def matrix_of(
@@ -99,28 +103,14 @@ def matrix_of(
 
     diagonal = np.zeros(count)
     families = springs.families
-    layout = Layout(np.zeros((16, size), dtype))
-    if isinstance(links.springs, MeshMembrane):
-        from cape.assembly.mesh.links import mesh_springs_record
+    if isinstance(links.springs, GridSprings):
+        layout, *others = [Layout(np.zeros((16, size), dtype))]
+    else:
+        from cape.assembly.mesh.pieces import alike_pieces
 
-        inner, kind = in_precision(links.springs, dtype), links.springs.slopes.dtype.type
-        nearest = mesh_springs_record(replace(springs, stiffness=springs.nearest), count, kind)
-        layout = Layout(
-            np.zeros_like(inner.strains),
-            ends=np.zeros_like(inner.shape),
-            membrane=inner,
-            nearest=Nearest(nearest, _coefficients(nearest, dtype)),
-        )
-    elif not isinstance(links.springs, GridSprings):
-        ends = np.zeros(links.springs.forces.shape, dtype)
-        layout = Layout(_coefficients(links.springs, dtype), ends=ends)
-    if isinstance(links.bends, MeshBends):
-        from cape.assembly.mesh.links import thinned
-
-        # Rows are zero in sum.
-        row = np.repeat(np.arange(count), np.diff(links.bends.start))
-        sums = np.bincount(row, links.bends.weight, count)
-        layout = layout._replace(bends=thinned(links.bends, negligible * assembly.mass, dtype), diagonal=padded(sums))
+        every, least = _each(links), negligible * assembly.mass
+        own = [piece.springs for piece in alike_pieces(cloth, springs)]
+        layout, *others = [_of_mesh(each, of, least, padded, dtype) for each, of in zip(every, own, strict=True)]
     if families is not None and links.bends is not None:
         rows, twist = [], families.twist_stiffness
         np.add.at(diagonal, springs.bend_vertices, springs.bend_stiffness[:, None] * springs.bend_coefficients**2)
@@ -142,19 +132,56 @@ def matrix_of(
         damping=links.damping or 0.0,
         bend_damping=links.bend_damping or 0.0,
     )
-    return matrix, layout
+    times = [{"damping": p.links.damping or 0.0, "bend_damping": p.links.bend_damping or 0.0} for p in links.pieces]
+    pieces = [(matrix._replace(**own), other) for own, other in zip(times, others, strict=True)]
+    return matrix, layout._replace(pieces=tuple(pieces))
+
+
+def _each(links: Links) -> list[Links]:
+    """The springs of each piece of a cloth."""
+    return [links, *(piece.links for piece in links.pieces)]
+
+
+def _of_mesh(
+    links: Links,
+    springs: Springs,
+    least: NDArray[np.float64],
+    padded: Callable[[NDArray[Any]], Array],
+    dtype: type[np.floating],
+) -> Layout:
+    """What a mesh, or a piece of it, gives to the matrix; bending as far as its weight is above `least` [N/m] (N,)."""
+    from cape.assembly.mesh.links import mesh_springs_record, thinned
+
+    count = len(least)
+    if isinstance(links.springs, MeshMembrane):
+        inner, kind = in_precision(links.springs, dtype), links.springs.slopes.dtype.type
+        nearest = mesh_springs_record(replace(springs, stiffness=springs.nearest), count, kind)
+        layout = Layout(
+            np.zeros_like(inner.strains),
+            ends=np.zeros_like(inner.shape),
+            membrane=inner,
+            nearest=Nearest(nearest, _coefficients(nearest, dtype)),
+        )
+    else:
+        assert isinstance(links.springs, MeshSprings)
+        ends = np.zeros(links.springs.forces.shape, dtype)
+        layout = Layout(_coefficients(links.springs, dtype), ends=ends)
+    if not isinstance(links.bends, MeshBends):
+        return layout
+    # Rows are zero in sum.
+    row = np.repeat(np.arange(count), np.diff(links.bends.start))
+    sums = np.bincount(row, links.bends.weight, count)
+    return layout._replace(bends=thinned(links.bends, least, dtype), diagonal=padded(sums))
 
 
 class MatrixUnits(NamedTuple):
     """What linearises at a state; what then sets the inverse of the block diagonal; what linearises the springs nearest
-    to a membrane; and what multiplies with the matrix. `sheet` is the membrane, if that is what the cloth resists with.
-    """
+    to a membrane; and what multiplies with the matrix."""
 
     linearise: list[Use]
     diagonal: list[Use]
     nearest: list[Use]
     product: list[Use]
-    sheet: MembraneStiffness | None
 
 
 def matrix_units(
@@ -168,15 +195,26 @@ def matrix_units(
     railing: Railing | None,
 ) -> MatrixUnits:
     """The units of a matrix; `scratch` (3, L) is the thread's own."""
-    own, nearest, sheet = [Use(set_own, matrix)], [], None
+    own = [Use(set_own, matrix)]
     if contact is not None:
         own.append(Use(add_contact_blocks, Blocks(matrix, contact.penalty.blocks)))
-    state, pull = thread.running.state, thread.running.assembly.pull
+    pull = thread.running.assembly.pull
     if pull is not None:
         own.append(Use(add_pull_blocks, PullBlocks(pull, matrix)))
     if railing is not None:
         own.append(Use(add_rail_blocks, railing))
     start, invert = Use(start_diagonal, matrix), Use(invert_diagonal, matrix)
+    linearise, diagonal, nearest, product = [], [], [], [Use(multiply_own, matrix)]
+    for (damped, of), each in zip([(matrix, layout), *layout.pieces], _each(links), strict=True):
+        units = _units_of(thread, damped, of, each, scratch)
+        for here, more in zip((linearise, diagonal, nearest, product), units, strict=True):
+            here += more
+    return MatrixUnits([*linearise, *wait(thread), *own], [start, *diagonal, invert], nearest, product)
+
+
+def _units_of(thread: Thread, matrix: Matrix, layout: Layout, links: Links, scratch: Array) -> MatrixUnits:
+    """The same of what the springs of a cloth, or of a piece of it, give to the matrix."""
+    state, nearest = thread.running.state, []
     if isinstance(links.springs, GridSprings):
         assert not isinstance(links.bends, MeshBends)
         grid = GridStiffness(state, links.springs, links.bends, matrix, layout.coefficients, layout.couplings, scratch)
@@ -195,13 +233,13 @@ def matrix_units(
         assert layout.ends is not None
         mesh = MeshStiffness(state, links.springs, matrix, layout.coefficients, layout.ends)
         first, last, product = Use(linearise_mesh, mesh), Use(add_mesh_diagonal, mesh), Use(multiply_mesh, mesh)
-    diagonals, products = [last], [Use(multiply_own, matrix), product]
+    diagonals, products = [last], [product]
     if layout.bends is not None:
         assert layout.diagonal is not None
         bends = MeshBendStiffness(layout.bends, matrix, layout.diagonal)
         diagonals.append(Use(add_mesh_bend_diagonal, bends))
         products.append(Use(multiply_mesh_bends, bends))
-    return MatrixUnits([first, *wait(thread), *own], [start, *diagonals, invert], nearest, products, sheet)
+    return MatrixUnits([first], diagonals, nearest, products)
 
 
 def link_blocks(matrix: Matrix, layout: Layout, links: Links) -> LinkBlocks:

@@ -46,9 +46,20 @@ DEAR = 16  # times as many steps as were taken, that it may cost at least to lea
 SWEPT = 0.5  # of a chain's sag, that is left by sweeps; 0.43 to 0.51 as measured
 
 
+class PieceConstraints(NamedTuple):
+    """The constraints of a piece of a mesh, and its damping times [s]; None for none."""
+
+    constraints: MeshConstraints
+    damping: float | None
+    bend_damping: float | None
+
+
 class XpbdArrays(NamedTuple):
     """What the steps of a run share, in its precision: constraints on a grid or a mesh, damping times [s], the other
-    forces with their sums (3, N) [N] and scratch of each thread; and the longest step [s] that solves for a chain."""
+    forces with their sums (3, N) [N] and scratch of each thread; and the longest step [s] that solves for a chain.
+
+    `pieces` are those of other fabrics, where the numbers of these differ; the rest is then of the first.
+    """
 
     forces: dict[type[Force], Any]
     constraints: GridConstraints | MeshConstraints
@@ -58,6 +69,7 @@ class XpbdArrays(NamedTuple):
     total: Array
     scratch: tuple[GridRoom | None, ...]
     longest_step: float
+    pieces: tuple[PieceConstraints, ...] = ()
 
 
 @checked
@@ -95,19 +107,23 @@ class XPBD(Solver):
 
     def arrays(self, assembly: Assembly) -> XpbdArrays:
         """Turn springs into constraints: by family on a grid, by colour on a mesh."""
-        dtype, cloth = self.dtype(assembly), assembly.cloth
-        damping, bend_damping = damping_times(assembly)
+        dtype, cloth, pieces = self.dtype(assembly), assembly.cloth, []
+        damping, bend_damping = damping_times(cloth.fabric, assembly.springs)
         others = [force for force in forces_of(assembly.scene) if force not in (Elastic, Hold)]
-        grid = isinstance(cloth, GridCloth)
+        if isinstance(cloth, GridCloth):
+            constraints = self._grid(assembly, cloth, dtype)
+        else:
+            (constraints, damping, bend_damping), *pieces = self._pieces(assembly, dtype)
         return XpbdArrays(
             forces={force: force.arrays(assembly, dtype) for force in others},
-            constraints=self._grid(assembly, cloth, dtype) if grid else self._mesh(assembly, dtype),
+            constraints=constraints,
             damping=damping,
             bend_damping=bend_damping,
             inertia=inertia_of(assembly, dtype),
             total=np.zeros((3, cloth.vertices), dtype=dtype),
             scratch=force_scratch(assembly, dtype) if others else (None,) * len(assembly.ranks),
             longest_step=step_of(chain_of(assembly)),
+            pieces=tuple(pieces),
         )
 
     def choose_substeps(self, running: Running, duration: float, *, strained: bool = False) -> int:
@@ -135,7 +151,7 @@ class XPBD(Solver):
         running, assembly = thread.running, thread.running.assembly
         arrays: XpbdArrays = running.arrays
         prepare, solve = self._sweeps(running)
-        uses = []
+        uses: list[Use] = []
         if arrays.forces:
             uses += blow(thread, 0.5)
             uses += forces(thread, list(arrays.forces), arrays.total, arrays.scratch[thread.rank])
@@ -143,22 +159,26 @@ class XPBD(Solver):
         uses += [Use(fall_all, Falling(running.state, arrays.inertia)), *move_bones(thread)]
         if assembly.attached is not None:
             uses.append(Use(aim_attached, Held(running.state, assembly.attached, thread.bones)))
-        uses += [*wait(thread), solve, *wait(thread)]
+        uses += [*wait(thread), *solve, *wait(thread)]
         if assembly.pull is not None:
             # After the springs, whose load it then bears at rest without having seen a vertex yield.
             uses.append(Use(draw_vertices, Drawn(running.state, assembly.pull, arrays.inertia)))
         uses += [Use(drift_all, running.state), *end_substep(thread, linker)]
-        return Order(begin=[*begin_frame(thread), prepare], substep=[*uses, *wait(thread)])
+        return Order(begin=[*begin_frame(thread), *prepare], substep=[*uses, *wait(thread)])
 
-    def _sweeps(self, running: Running) -> tuple[Use, Use]:
-        """What sets the gains of a frame, and what goes through all constraints."""
+    def _sweeps(self, running: Running) -> tuple[list[Use], list[Use]]:
+        """What sets the gains of a frame, and what goes through all constraints, piece by piece."""
         arrays: XpbdArrays = running.arrays
         c, times = arrays.constraints, (arrays.damping, arrays.bend_damping)
         if isinstance(c, GridConstraints):
             grid = GridSweeps(running.state, c, *times, self.iterations)
-            return Use(prepare_grid, grid), Use(solve_grid, grid)
-        mesh = MeshSweeps(running.state, c, arrays.inertia.inverse_mass, *times, self.iterations)
-        return Use(prepare_mesh, mesh), Use(solve_mesh, mesh)
+            return [Use(prepare_grid, grid)], [Use(solve_grid, grid)]
+        light = arrays.inertia.inverse_mass
+        meshes = [
+            MeshSweeps(running.state, piece.constraints, light, piece.damping, piece.bend_damping, self.iterations)
+            for piece in (PieceConstraints(c, *times), *arrays.pieces)
+        ]
+        return [Use(prepare_mesh, mesh) for mesh in meshes], [Use(solve_mesh, mesh) for mesh in meshes]
 
     def _grid(self, assembly: Assembly, cloth: GridCloth, dtype: type[np.floating]) -> GridConstraints:
         families, weights, columns = assembly.springs.families, assembly.inverse_mass, cloth.columns
@@ -204,8 +224,16 @@ class XPBD(Solver):
             dtype,
         )
 
-    def _mesh(self, assembly: Assembly, dtype: type[np.floating]) -> MeshConstraints:
-        springs, weights = assembly.springs, assembly.inverse_mass
+    def _pieces(self, assembly: Assembly, dtype: type[np.floating]) -> list[PieceConstraints]:
+        from cape.assembly.mesh.pieces import alike_pieces
+
+        return [
+            PieceConstraints(self._mesh(assembly, own.springs, dtype), *damping_times(own.fabric, own.springs))
+            for own in alike_pieces(assembly.cloth, assembly.springs)
+        ]
+
+    def _mesh(self, assembly: Assembly, springs: Springs, dtype: type[np.floating]) -> MeshConstraints:
+        weights = assembly.inverse_mass
         stretched = membrane = None
         if springs.membrane is not None:
             membrane = self._membrane(springs.membrane, len(weights), dtype)

@@ -1,7 +1,6 @@
 """Several cloths as one: the same springs and masses, layers that meet, takes apart."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -149,9 +148,6 @@ def test_what_can_not_be_worn_together_is_told(walker):
     with pytest.raises(UnknownNameError, match="toga"):
         cape.dress(*walker, garments=["toga", "skirt"])
     one = sheet()
-    other = replace(sheet(), fabric=cape.FABRICS["denim"])
-    with pytest.raises(ValueRangeError, match="one fabric"):
-        combined(["one", "other"], [one, other], [one.positions, other.positions])
     with pytest.raises(ValueRangeError, match="different names"):
         combined(["one", "one"], [one, one], [one.positions, one.positions])
 

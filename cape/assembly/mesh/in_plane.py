@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly.fabrics import fabrics_of, of_triangles
 from cape.cloth.cloth import MeshCloth
 from cape.cloth.fabric import Fabric
 from cape.cloth.triangle_mesh import Edges
@@ -88,13 +89,18 @@ class InPlane:
         return np.where(slight, 0.0, carried) / self.cross_length[sides] ** 2
 
     def missed(self) -> float:
-        """Root mean square of how far patches are from the fabric, by area."""
+        """Root mean square of how far patches are from the fabric, by area; of several fabrics that which is worst."""
         sides = np.arange(len(self.mate))
         first = sides[self.mate > sides]
         alone = np.flatnonzero((self.mate == sides).reshape(-1, 3).all(axis=1))
         _, misfit = self._fit_alone(alone)
-        total = self._taken(first) @ self.misfit[first] ** 2 + self.area[alone] @ misfit**2
-        return float((total / self.area.sum()) ** 0.5)
+        patches, worst = self.cloth.patchwork, 0.0
+        of = np.zeros(len(self.area), np.int64) if patches is None else patches.number
+        for number in range(len(fabrics_of(self.cloth))):
+            own, by_itself = first[of[first // 3] == number], of[alone] == number
+            total = self._taken(own) @ self.misfit[own] ** 2 + self.area[alone[by_itself]] @ misfit[by_itself] ** 2
+            worst = max(worst, float((total / self.area[of == number].sum()) ** 0.5))
+        return worst
 
     def _taken(self, sides: IntArray) -> FloatArray:
         """Area that the patches of edges get of their two triangles [m2], shape (n,); 0 at borders."""
@@ -107,9 +113,9 @@ class InPlane:
 
     def _stretched_along(self, sides: IntArray) -> FloatArray:
         """The lesser stiffness of threads times a third of the area beside edges [N m], shape (n,)."""
-        fabric, mate = self.cloth.fabric, self.mate[sides]
+        mate = self.mate[sides]
         around = self.area[sides // 3] / 3.0 + np.where(mate == sides, 0.0, self.area[mate // 3] / 3.0)
-        return min(fabric.stretch_warp, fabric.stretch_weft) * around
+        return of_triangles(self.cloth, lambda f: min(f.stretch_warp, f.stretch_weft), sides // 3) * around
 
     def _carried_alone(self, sides: IntArray) -> FloatArray:
         """What sides carry of triangles without neighbours, which have no patches [N m], shape (n,)."""
@@ -124,7 +130,7 @@ class InPlane:
 
     def _fit_alone(self, triangles: IntArray) -> tuple[FloatArray, FloatArray]:
         corners = self.cloth.corners[triangles]
-        return _fit(_tensors(np.roll(corners, -1, axis=1) - corners), target_of(self.cloth.fabric))
+        return _fit_to_fabrics(self.cloth, _tensors(np.roll(corners, -1, axis=1) - corners), triangles)
 
 
 def fit_in_plane(cloth: MeshCloth, edges: Edges, area: FloatArray) -> InPlane:
@@ -147,7 +153,7 @@ def fit_in_plane(cloth: MeshCloth, edges: Edges, area: FloatArray) -> InPlane:
         ],
         axis=1,
     )
-    fitted, missing = _fit(patch, target_of(cloth.fabric))
+    fitted, missing = _fit_to_fabrics(cloth, patch, first // 3)
     # Where along the shared edge the cross spring passes.
     share = apex[:, 0, 1] / apex[..., 1].sum(axis=1)
     passed = (apex[:, 0, 0] + share * (apex[:, 1, 0] - apex[:, 0, 0])) / np.linalg.norm(edge, axis=1)
@@ -160,6 +166,17 @@ def fit_in_plane(cloth: MeshCloth, edges: Edges, area: FloatArray) -> InPlane:
         cross_length[own] = np.linalg.norm(crossing, axis=2).mean(axis=1)
     length = np.linalg.norm(sides, axis=1)
     return InPlane(cloth, area, mate, weight, cross, trust, misfit, length, cross_length)
+
+
+def _fit_to_fabrics(cloth: MeshCloth, tensors: FloatArray, triangles: IntArray) -> tuple[FloatArray, FloatArray]:
+    """What `_fit` gives of patches (P, S, 5), each for the fabric of one of its triangles (P,)."""
+    if cloth.patchwork is None:
+        return _fit(tensors, target_of(cloth.fabric))
+    weight, missing = np.zeros(tensors.shape[:2]), np.zeros(len(tensors))
+    for number, fabric in enumerate(cloth.patchwork.fabrics):
+        own = cloth.patchwork.number[triangles] == number
+        weight[own], missing[own] = _fit(tensors[own], target_of(fabric))
+    return weight, missing
 
 
 def target_of(fabric: Fabric) -> FloatArray:

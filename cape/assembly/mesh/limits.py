@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
+from cape.assembly.fabrics import of_vertices
 from cape.assembly.geodesics import geodesic_distances
 from cape.cloth.cloth import MeshCloth
 from cape.kernels.solve.link_limit import Links
@@ -21,7 +22,8 @@ def limited_links(assembly: Assembly, dtype: type[np.floating]) -> Links | None:
         return None
     threads = springs.measured
     first, second, rest = springs.first[threads], springs.second[threads], springs.rest[threads]
-    limits = np.where(_along_weft(cloth, first, second), cloth.fabric.limit_weft, cloth.fabric.limit_warp)
+    weft, warp = (of_vertices(cloth, limit, first) for limit in (lambda f: f.limit_weft, lambda f: f.limit_warp))
+    limits = np.where(_along_weft(cloth, first, second), weft, warp)
     held = np.unique(np.concatenate([[0] * (not assembly.carried), *(c.vertices for c in assembly.carried)]))
     distances, _ = geodesic_distances(cloth, held.astype(np.int64), springs=springs)
     ways = np.minimum(distances[first], distances[second])

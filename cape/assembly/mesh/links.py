@@ -135,9 +135,12 @@ def bend_matrix(springs: Springs, vertices: int) -> Any:
     return matrix
 
 
-def mesh_membrane_record(membrane: Membrane, vertices: int, dtype: type[np.floating]) -> MeshMembrane:
-    """Lay out the membrane of a mesh in a solver's precision."""
-    return membrane_in_rows(membrane, vertices, dtype)[0]
+def mesh_membrane_record(
+    membrane: Membrane, vertices: int, dtype: type[np.floating], *, piece: bool = False
+) -> MeshMembrane:
+    """Lay out the membrane of a mesh in a solver's precision, or of a `piece`, which has not all of the vertices."""
+    record, _, rows = membrane_in_rows(membrane, vertices, dtype)
+    return record._replace(used=rows.used) if piece else record
 
 
 def turned_slopes(membrane: Membrane, triangles: IntArray, owners: IntArray) -> FloatArray:

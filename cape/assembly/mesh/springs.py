@@ -26,11 +26,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly.fabrics import of_triangles
 from cape.assembly.membrane import membrane_of
 from cape.assembly.mesh.curvature import Unfolded, curvatures, unfold
 from cape.assembly.mesh.in_plane import corner, fit_in_plane
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import MeshCloth, areas
+from cape.cloth.fabric import Fabric
 from cape.cloth.triangle_mesh import edges_of
 
 FloatArray = NDArray[np.float64]
@@ -95,11 +97,16 @@ def bends_of(cloth: MeshCloth, unfolded: Unfolded, area: FloatArray, triangles: 
     Of a curvature k along the weft, t of twist and j along the warp the energy per area is
     (B_weft k^2 + 2 sqrt(B_weft B_warp) t^2 + B_warp j^2) / 2: `Fabric.bend_along` in every direction.
     """
-    warp, weft = cloth.fabric.bend_warp, cloth.fabric.bend_weft
     vertices, coefficients = curvatures(cloth, unfolded, triangles)
     area = area[triangles]
-    stiffness = (area[:, None] * np.array([weft, 2.0 * sqrt(weft * warp), warp])).ravel()
+    stiffness = (area[:, None] * of_triangles(cloth, _plate, triangles)).ravel()
     coefficients = coefficients.reshape(len(stiffness), -1)
     # What is left of curvatures that no vertices tell is rounding.
     size = np.abs(coefficients).sum(axis=1) * np.repeat(area, 3)
     return Bends(np.repeat(vertices, 3, axis=0), coefficients, np.where(size > NOTHING, stiffness, 0.0))
+
+
+def _plate(fabric: Fabric) -> list[float]:
+    """Bending stiffness [N m] of curvatures along the weft, of twist, and along the warp."""
+    warp, weft = fabric.bend_warp, fabric.bend_weft
+    return [weft, 2.0 * sqrt(weft * warp), warp]

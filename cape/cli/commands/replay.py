@@ -75,6 +75,7 @@ class Cut:
     loop: bool = False
     tables: Tables = NONE
     garments: tuple[str, ...] = ()
+    fabrics: tuple[str, ...] = ()
     mesh: MeshOptions = field(default_factory=MeshOptions)
 
     @property
@@ -98,7 +99,7 @@ class Cut:
             garments=self.worn if len(self.worn) > 1 else None,
             length=self.length,
             spacing=self.spacing,
-            fabric=self.cloth_fabric(),
+            fabric={garment: self.tables.fabric(name) for garment, name in self.fabric_names().items()},
             colliders=(*who.hitboxes.solids, *self.tables.colliders),
             wind=self.air(),
             self_contact=self.self_contact,
@@ -111,12 +112,24 @@ class Cut:
         return self.tables.added_to(scene, who.track)
 
     def cloth_fabric(self) -> Fabric:
-        """What it is made of.
+        """What is made of which no other fabric is told.
 
         Raises:
             UnknownNameError: there is no such fabric.
         """
         return self.tables.fabric(self.fabric)
+
+    def fabric_names(self) -> dict[str, str]:
+        """Names of the fabrics of what is worn, by garment.
+
+        Raises:
+            UserError: one is told of what is not worn, or two of all.
+        """
+        own = named_pairs(self.fabrics, "--fabric", "one fabric for all, and GARMENT=FABRIC")
+        for garment in own:
+            if garment not in self.worn:
+                raise UserError(f"--fabric tells of the {garment}, but worn is: {', '.join(self.worn)}")
+        return {garment: own.get(garment, self.fabric) for garment in self.worn}
 
     def check(self) -> None:
         """Look at all names and numbers that can be told wrong before a motion is read.
@@ -127,12 +140,16 @@ class Cut:
         self.cloth_fabric()
         for name in self.worn:
             registry.garment(name)
+        for name in self.fabric_names().values():
+            self.tables.fabric(name)
         self.air()
         self.held()
         self.tearing()
         self.mesh.check()
         if self.mesh.cloth is not None and len(self.worn) > 1:
             raise UserError("--cloth is worn alone: leave out --garment")
+        if self.mesh.cloth is not None and self.fabrics:
+            raise UserError("--cloth is of one fabric: leave out the garment of --fabric")
         self.method()
         self.way_at_cuts()
 
@@ -226,6 +243,8 @@ def run(
     facts = _facts(take, who.scene, len({who.track.index(bone) for bone in who.scene.bones}), notes, path)
     if len(cut.worn) > 1:
         facts["garments"] = list(cut.worn)
+    if cut.fabrics:
+        facts["fabrics"] = cut.fabric_names()
     if who.retargeted is not None:
         facts["retarget"] = retarget_facts(who.retargeted)
     if check:

@@ -59,6 +59,13 @@ def check(file: SceneFile) -> int:
     return 0
 
 
+def _worn(cut: Cut) -> str:
+    """What is worn, and of what."""
+    if not cut.fabrics:
+        return f"{' over '.join(cut.worn)} of {cut.fabric}"
+    return " over ".join(f"{garment} of {fabric}" for garment, fabric in cut.fabric_names().items())
+
+
 def _rows(who: Staged, cut: Cut) -> list[tuple[str, str]]:
     """What is simulated, and how."""
     scene = who.scene
@@ -71,7 +78,7 @@ def _rows(who: Staged, cut: Cut) -> list[tuple[str, str]]:
         *(("decided", decision) for decision in who.decisions),
         (
             "cloth",
-            f"{' over '.join(cut.worn)} of {cut.fabric}, {scene.cloth.vertices} vertices, {len(held)} of them held",
+            f"{_worn(cut)}, {scene.cloth.vertices} vertices, {len(held)} of them held",
         ),
         ("held by", ", ".join(dict.fromkeys(bone for a in scene.attachments for bone in a.bones)) or "nothing"),
         ("colliders", ", ".join(collider.name for collider in scene.colliders) or "none"),

@@ -205,8 +205,11 @@ class _Reader:
     def _single(self, key: Key, value: Any, place: tuple[str], fabrics: Iterable[str]) -> Any:
         if key.one_of is not None:
             known = [*(fabrics if key.name == "fabric" else ()), *key.one_of.names()]
-            apart = key.one_of.separator
-            for name in [value] if apart is None else [part.strip() for part in value.split(apart)]:
+            apart, of = key.one_of.separator, key.one_of.of
+            for text in [value] if apart is None else [part.strip() for part in value.split(apart)]:
+                what, equals, name = text.rpartition("=") if of is not None else ("", "", text)
+                if of is not None and equals and what not in of():
+                    raise self._told(place, "garment", what, of())
                 if name not in known:
                     raise self._told(place, key.name, name, known)
         if key.kind is Path:

@@ -36,6 +36,7 @@ EXAMPLES: Mapping[str, Any] = {
     "hitboxes": "body",
     "layers": "cape,body,floor",
     "output": "hero.rrd",
+    "fabric": ["worsted", "skirt=denim"],
     "spacing": 0.04,
     "substeps": 100,
     "wind-file": "mast.csv",
@@ -44,12 +45,13 @@ EXAMPLES: Mapping[str, Any] = {
     "turbulence": 0.5,
     "seed": 1,
 }
-RUNS: Mapping[str, Any] = {"clip": "walk", "garment": ["shoulder_cape"], "fabric": "cape", "wind": [-2.0, 0.0, 0.0]}
+RUNS: Mapping[str, Any] = {"clip": "walk", "garment": ["shoulder_cape"], "fabric": ["cape"], "wind": [-2.0, 0.0, 0.0]}
 """What stands in a scene of which nothing is asked."""
 
 TABLES_TOLD = """
 # Tables come last. A fabric of one's own, in SI units (kg/m2, N/m, N m, s), which differs from one that cape fabrics
-# lists; a pair is along warp and weft. It is worn with fabric = "velvet" above.
+# lists; a pair is along warp and weft. It is worn with fabric = "velvet" above, or with fabric = ["skirt=velvet"] by a
+# garment alone.
 #[fabrics.velvet]
 #base = "worsted"
 #density = 0.3

@@ -1,13 +1,16 @@
 """The texture of a whole cloth: its fabric in its own measures, hem, collar's edge and seams."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.cloth.cloth import Cloth, GridCloth
+from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.cloth.looks.look import Look
 from cape.cloth.looks.maps import TextureArray, maps_of, softened
+from cape.cloth.looks.registry import look_of
+from cape.cloth.patches.patchwork import Patchwork
 from cape.cloth.tailoring import HEM
 
 FloatArray = NDArray[np.floating]
@@ -27,10 +30,13 @@ MOTTLE = 0.03, 0.22  # how uneven cloth is dyed, as a share of its brightness, a
 def texture_of(cloth: Cloth, look: Look, *, texels: int = TEXELS) -> TextureArray:
     """Draw a cloth over its texture coordinates in so many texels at most, sRGB, shape (height, width, 3).
 
-    A cloth that has textures of its own is drawn in those, as large as they are.
+    A cloth that has textures of its own is drawn in those, as large as they are; pieces of different fabrics are drawn
+    in the looks of these.
     """
     if cloth.textures is not None:
         return cloth.textures.albedo
+    if isinstance(cloth, MeshCloth) and cloth.patchwork is not None:
+        return _of_pieces(cloth, cloth.patchwork, texels)
     across, down, edge, seam, bright = _measures(cloth, texels)
     texel = float(max(np.abs(np.diff(across, axis=1)).max(), np.abs(np.diff(down, axis=0)).max()))
     tile, size = maps_of(look, texels=TILE_TEXELS), TILE_TEXELS
@@ -51,6 +57,18 @@ def texture_of(cloth: Cloth, look: Look, *, texels: int = TEXELS) -> TextureArra
         furrow += 0.30 * _near(seam, 0.0, SEAM, texel) + 0.20 * stitched * _near(seam, 2.5 * SEAM, 0.6 * texel, texel)
     drawn *= (bright * (1.0 - np.minimum(furrow, 0.5)))[..., None]
     return np.minimum(drawn + 0.5, 255.0).astype(np.uint8)
+
+
+def _of_pieces(cloth: MeshCloth, patches: Patchwork, texels: int) -> TextureArray:
+    """The texture of a mesh of several fabrics: at each texel that of the nearest vertex of the pattern."""
+    from scipy.spatial import KDTree
+
+    alone = [replace(cloth, fabric=fabric, patchwork=None) for fabric in patches.fabrics]
+    drawn = np.stack([texture_of(each, look_of(each.fabric), texels=texels) for each in alone])
+    across, down, *_ = _measures(cloth, texels)
+    places = np.stack([across, down], axis=-1) + cloth.pattern.min(axis=0)
+    number = patches.at_vertices(cloth.faces)[KDTree(cloth.pattern).query(places)[1]]
+    return np.take_along_axis(drawn, number[None, ..., None], axis=0)[0]
 
 
 def _tempered(fabric: FloatArray) -> FloatArray:

@@ -42,6 +42,7 @@ class MeshMembrane(NamedTuple):
     BLOCK) the area times the shares of its own strain and theirs. `sorted_vertices`, `start`, `incoming`, `words` and
     `room` as in MeshSprings. Room: `shape`, F by columns, six components of BLOCK for each row; `strains`, three for
     each row; `forces` [N], on the second and the third corner, six for each row, and a row of zeros for padding.
+    Of a piece of a mesh `used` (blocks,) tells how many rows of each block have triangles of it; None for all.
     """
 
     tension: Tension
@@ -58,6 +59,7 @@ class MeshMembrane(NamedTuple):
     shape: Array
     strains: Array
     forces: Array
+    used: Indices | None = None
 
 
 class MembraneForces(NamedTuple):
@@ -88,7 +90,7 @@ def find_strains(g, lo, hi):
     s, m = g.state, g.membrane
     strain(
         lo, hi, s.x, s.y, s.z, s.vx, s.vy, s.vz, m.words, m.second, m.third, m.slopes, damping_of(g.damping, s.x),
-        s.x.dtype.type(0.5), m.room, m.shape, m.strains,
+        s.x.dtype.type(0.5), m.room, m.used, m.shape, m.strains,
     )  # fmt: skip
 
 
@@ -98,12 +100,20 @@ def pull_all(g, lo, hi):
     m, c, f, dtype = g.membrane, g.membrane.tension, g.forces, g.state.x.dtype.type
     pull_corners(
         lo, hi, m.slopes, m.neighbours, m.smoothing, m.shape, m.strains, dtype(c.weft), dtype(c.warp),
-        dtype(c.coupling), dtype(c.shear), m.room, m.forces, f[0], f[1], f[2],
+        dtype(c.coupling), dtype(c.shear), m.room, m.used, m.forces, f[0], f[1], f[2],
     )  # fmt: skip
 
 
+@inlined
+def depth_of(used, block, rows):
+    """How many rows of a block have triangles."""
+    if used is None:
+        return rows
+    return used[block]
+
+
 @kernel
-def strain(lo, hi, x, y, z, vx, vy, vz, words, second, third, slopes, damping, half, room, shape, strains):
+def strain(lo, hi, x, y, z, vx, vy, vz, words, second, third, slopes, damping, half, room, used, shape, strains):
     """Set F and the strains of the triangles that vertices lo to hi own; `half` is 1/2."""
     ends = room[lo // BLOCK]
     corners = ends.view(x.dtype)
@@ -114,7 +124,7 @@ def strain(lo, hi, x, y, z, vx, vy, vz, words, second, third, slopes, damping, h
         n = min(BLOCK, hi - start)
         take(n, x[start:], y[start:], z[start:], own)
         take(n, vx[start:], vy[start:], vz[start:], own[3 * BLOCK :])
-        for d in range(rows):
+        for d in range(depth_of(used, block, rows)):
             fetch(second[block, d], words[0], words[1], words[2], ends)
             fetch(third[block, d], words[0], words[1], words[2], others)
             row = block * rows + d
@@ -152,7 +162,8 @@ def strain_row(a, b, own, slopes, damping, half, shape, strains):
 
 @kernel
 def pull_corners(
-    lo, hi, slopes, neighbours, smoothing, shape, strains, weft, warp, coupling, shear, room, forces, fx, fy, fz
+    lo, hi, slopes, neighbours, smoothing, shape, strains, weft, warp, coupling, shear, room, used, forces,
+    fx, fy, fz,
 ):  # fmt: skip
     """Set `f` to the forces of the triangles that vertices lo to hi own on them, keep those on the other corners."""
     smooth = room[lo // BLOCK].view(strains.dtype)
@@ -162,7 +173,7 @@ def pull_corners(
         start = block * BLOCK
         for i in range(3 * BLOCK):
             total[i] = 0
-        for d in range(rows):
+        for d in range(depth_of(used, block, rows)):
             row = block * rows + d
             smooth_row(neighbours[block, d], smoothing[block, d], row * ENDS, strains, smooth)
             pull_row(

@@ -92,6 +92,13 @@ class MeshAirForces(NamedTuple):
     forces: Array
 
 
+class Added(NamedTuple):
+    """Forces of a piece of a mesh, and those that they are added to, (3, N) [N] each."""
+
+    piece: Array
+    forces: Array
+
+
 @unit
 def mesh_springs(g, team, substep, substeps, step):
     """Set the forces on a thread's vertices to those of the springs."""
@@ -140,6 +147,20 @@ def mesh_air(g, team, substep, substeps, step):
     )  # fmt: skip
     meet(team)
     collect(lo, hi, air.sorted_vertices, air.start, air.incoming, air.forces, fx, fy, fz)
+
+
+@unit
+def add_forces(g, team, substep, substeps, step):
+    """Add the forces of a piece to those on a thread's vertices."""
+    lo, hi = team.lo, team.hi
+    for k in range(3):
+        add_row(g.piece[k, lo:hi], g.forces[k, lo:hi])
+
+
+@kernel
+def add_row(piece, forces):
+    """Add one coordinate of some forces to another's."""
+    add(forces.size, piece, forces)
 
 
 @kernel

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.kernels.cloth.membrane import SHAPE, MembraneForces, MeshMembrane, find_strains, smooth_row, spread
+from cape.kernels.cloth.membrane import SHAPE, MembraneForces, MeshMembrane, depth_of, find_strains, smooth_row, spread
 from cape.kernels.cloth.mesh import BLOCK, ENDS, collect, pack
 from cape.kernels.implicit.stiffness import Matrix, damped
 from cape.kernels.jit import inlined, kernel, routine, unit
@@ -50,7 +50,7 @@ def linearise_membrane(g, team, substep, substeps, b):
     meet(team)
     tighten(
         lo, hi, m.neighbours, m.smoothing, m.shape, m.strains, dtype(c.weft), dtype(c.warp), dtype(c.coupling),
-        dtype(c.shear), dtype(0.5), m.room, g.inner.shape, g.tension,
+        dtype(c.shear), dtype(0.5), m.room, m.used, g.inner.shape, g.tension,
     )  # fmt: skip
 
 
@@ -58,7 +58,7 @@ def linearise_membrane(g, team, substep, substeps, b):
 def multiply_membrane(g, team, substep, substeps, b):
     """Add the product of p with a membrane to q."""
     p, q, m, lo, hi = g.matrix.vectors[3], g.matrix.vectors[4], g.inner, team.lo, team.hi
-    strain_by(lo, hi, m.second, m.third, p[0], p[1], p[2], m.slopes, m.shape, m.room, g.change, m.strains)
+    strain_by(lo, hi, m.second, m.third, p[0], p[1], p[2], m.slopes, m.shape, m.room, m.used, g.change, m.strains)
     meet(team)
     _resist(g, lo, hi, damped(g.matrix.damping, b), q)
     meet(team)
@@ -70,7 +70,7 @@ def _resist(g, lo, hi, scale, q):
     m, c, dtype = g.inner, g.inner.tension, q.dtype.type
     resist(
         lo, hi, m.slopes, m.neighbours, m.smoothing, m.shape, g.change, m.strains, g.tension, dtype(-scale * c.weft),
-        dtype(-scale * c.warp), dtype(-scale * c.coupling), dtype(-scale * c.shear), m.room, m.forces,
+        dtype(-scale * c.warp), dtype(-scale * c.coupling), dtype(-scale * c.shear), m.room, m.used, m.forces,
         q[0], q[1], q[2],
     )  # fmt: skip
 
@@ -94,20 +94,20 @@ def _keep(g, lo, hi, scale, mixed, a, b, c):
     m, t, dtype = g.inner, g.inner.tension, a.dtype.type
     keep_corners(
         lo, hi, m.slopes, m.smoothing, m.shape, g.tension, dtype(scale * t.weft), dtype(scale * t.warp),
-        dtype(scale * t.coupling), dtype(scale * t.shear), dtype(1.0 / 3.0), mixed, m.forces, a, b, c,
+        dtype(scale * t.coupling), dtype(scale * t.shear), dtype(1.0 / 3.0), mixed, m.used, m.forces, a, b, c,
     )  # fmt: skip
 
 
 @kernel
 def tighten(
-    lo, hi, neighbours, smoothing, shape, strains, weft, warp, coupling, shear, half, room, kept_shape, tension
+    lo, hi, neighbours, smoothing, shape, strains, weft, warp, coupling, shear, half, room, used, kept_shape, tension
 ):  # fmt: skip
     """Keep F, and set S+ times the area of the triangles that vertices lo to hi own."""
     smooth = room[lo // BLOCK].view(strains.dtype)
     rows = neighbours.shape[1]
     zero = half - half
     for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
-        for d in range(rows):
+        for d in range(depth_of(used, block, rows)):
             row = block * rows + d
             kept, found, s = kept_shape[row * SHAPE :], shape[row * SHAPE :], tension[row * ENDS :]
             for i in range(SHAPE):
@@ -128,7 +128,7 @@ def tighten(
 
 
 @kernel
-def strain_by(lo, hi, second, third, px, py, pz, slopes, shape, room, change, strains):
+def strain_by(lo, hi, second, third, px, py, pz, slopes, shape, room, used, change, strains):
     """Set what vectors p change in F and in the strains of the triangles that vertices lo to hi own."""
     numbers = room[lo // BLOCK].view(px.dtype)
     others = numbers[ENDS:]
@@ -136,7 +136,7 @@ def strain_by(lo, hi, second, third, px, py, pz, slopes, shape, room, change, st
     for block in range((lo + BLOCK - 1) // BLOCK, (hi + BLOCK - 1) // BLOCK):
         start = block * BLOCK
         ox, oy, oz = px[start:], py[start:], pz[start:]
-        for d in range(rows):
+        for d in range(depth_of(used, block, rows)):
             fetch_vectors(second[block, d], px, py, pz, numbers)
             fetch_vectors(third[block, d], px, py, pz, others)
             row = block * rows + d
@@ -166,8 +166,8 @@ def fetch_vectors(others, x, y, z, to):
 
 @kernel
 def resist(
-    lo, hi, slopes, neighbours, smoothing, shape, change, strains, tension, weft, warp, coupling, shear, room, forces,
-    qx, qy, qz,
+    lo, hi, slopes, neighbours, smoothing, shape, change, strains, tension, weft, warp, coupling, shear, room, used,
+    forces, qx, qy, qz,
 ):  # fmt: skip
     """Add to q minus the forces on the owners of the triangles of vertices lo to hi, keep those on other corners.
 
@@ -180,7 +180,7 @@ def resist(
         start = block * BLOCK
         for i in range(3 * BLOCK):
             total[i] = 0
-        for d in range(rows):
+        for d in range(depth_of(used, block, rows)):
             row = block * rows + d
             smooth_row(neighbours[block, d], smoothing[block, d], row * ENDS, strains, smooth)
             f, h, s = shape[row * SHAPE :], change[row * SHAPE :], tension[row * ENDS :]
@@ -206,7 +206,7 @@ def resist(
 
 @kernel
 def keep_corners(
-    lo, hi, slopes, smoothing, shape, tension, weft, warp, coupling, shear, third, mixed, forces, a, b, c
+    lo, hi, slopes, smoothing, shape, tension, weft, warp, coupling, shear, third, mixed, used, forces, a, b, c
 ):  # fmt: skip
     """Add three entries of the blocks of the triangles of vertices lo to hi there, keep them for other corners."""
     rows = slopes.shape[1]
@@ -214,7 +214,7 @@ def keep_corners(
         start = block * BLOCK
         own_a, own_b, own_c = a[start:], b[start:], c[start:]
         n = min(BLOCK, hi - start)
-        for d in range(rows):
+        for d in range(depth_of(used, block, rows)):
             row = block * rows + d
             f, s, kept = shape[row * SHAPE :], tension[row * ENDS :], forces[2 * row * ENDS :]
             g, w = slopes[block, d], smoothing[block, d]

@@ -1,0 +1,1 @@
+"""Cloth whose pieces are of different fabrics."""
