@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.results.take import Take
-from cape.scene.enclosing import Enclosing
+from cape.scene.colliders import Enclosing
 from cape.scene.poses import Pose, read_pose
 from motions import quaternions
 from skeleton.shapes import require_known

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from cape.air.wind import Wind
 from cape.cloth.cloth import Cloth, MeshCloth
-from cape.scene.colliders import Collider
-from cape.scene.enclosing import Enclosing
+from cape.scene.colliders import Collider, Enclosing
 from cape.scene.holding.attachments import Attachment
 from cape.scene.holding.confinement import Confinement
 from cape.scene.holding.tethers import Tethers
