@@ -27,7 +27,7 @@ from cape.kernels.solve.soft import Drawn, draw_vertices
 from cape.kernels.state import Inertia, aligned
 from cape.kernels.store import Request
 from cape.kernels.tearing.ways import measure_ways
-from cape.kernels.xpbd.bending import BendConstraints
+from cape.kernels.xpbd.bending import ROWS, BendConstraints, count_members, lay_bends
 from cape.kernels.xpbd.formulas import Constraints
 from cape.kernels.xpbd.grid import GridConstraints, GridSweeps, dealt, hands_for, prepare_grid, solve_grid
 from cape.kernels.xpbd.membrane import MembraneConstraints
@@ -280,22 +280,19 @@ class XPBD(Solver):
 
     def _bends(self, springs: Springs, weights: Array, dtype: type[np.floating]) -> BendConstraints:
         vertices, coefficients, stiffness = _patches(springs)
-        first, second, third = np.swapaxes(coefficients != 0.0, 0, 1)
-        used = first | second | third
-        colors = by_color(vertices)
+        counts, colors = np.zeros(len(vertices), np.int64), by_color(vertices)
+        count_members(coefficients, counts)
         # Within a colour any order is the same: patches of one size follow each other, so that loops end as foreseen.
         color = np.repeat(np.arange(len(colors.starts) - 1), np.diff(colors.starts))
-        order = colors.order[np.lexsort([used[colors.order].sum(axis=1), color])]
-        vertices, coefficients, used = vertices[order], coefficients[order], used[order]
-        moved = coefficients * weights[vertices][:, None]
-        mobility, mixed = (
-            np.stack([np.einsum("km,km->k", moved[:, r], coefficients[:, s]) for r, s in pairs], axis=1)
-            for pairs in (((0, 0), (1, 1), (2, 2)), ((0, 1), (0, 2), (1, 2)))
-        )
+        order = colors.order[np.lexsort([counts[colors.order], color])]
+        first, total = np.zeros(len(order) + 1, np.int64), int(counts.sum())
+        members, table = np.zeros(total, np.uint32), np.zeros(ROWS * total, dtype)
+        mixed, mobility = np.zeros((2, len(order), ROWS))
+        lay_bends(vertices, coefficients, weights, order, first, members, table, mixed, mobility)
         return BendConstraints(
-            first=np.concatenate([[0], np.cumsum(used.sum(axis=1))]),
-            members=vertices[used].astype(np.uint32),
-            coefficients=np.swapaxes(coefficients, 1, 2)[used].astype(dtype).ravel(),
+            first=first,
+            members=members,
+            coefficients=table,
             mixed=mixed.astype(dtype),
             starts=colors.starts,
             bend=self._constraints(stiffness[order].ravel(), None, mobility.ravel(), dtype),
