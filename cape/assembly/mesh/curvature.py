@@ -20,14 +20,14 @@ Angles are taken as small, and the sheet flat at rest: the curvature is linear i
 three coordinates, so that its forces are those of the same constant matrix wherever the cloth is.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.cloth import MeshCloth
 from cape.cloth.triangle_mesh import Edges
-from cape.kernels.cloth.slopes import USUAL, Flat, Patch, fit_slopes
+from cape.kernels.cloth.slopes import USUAL, Flat, Patch, fit_slopes, gather
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -64,8 +64,6 @@ def curvatures(cloth: MeshCloth, unfolded: Unfolded, triangles: IntArray) -> tup
     Returns vertices (n, M) and coefficients (n, 3, M) of what is d2/du2, d2/du dv and d2/dv2 of each coordinate, filled
     up with the first vertex and zeros.
     """
-    from scipy.sparse import csr_matrix
-
     faces, corners = cloth.faces[triangles], cloth.corners[triangles]
     edges, of = np.unique(_first_sides(unfolded, triangles), return_inverse=True)
     of = of.reshape(-1, 3)
@@ -82,32 +80,10 @@ def curvatures(cloth: MeshCloth, unfolded: Unfolded, triangles: IntArray) -> tup
 
     across = weight * away[..., None] * _outer(outward, outward)
     ends = weight * _outer(outward, along) / length[..., None]
-    reach = slopes.vertices.shape[1]
-    by_slope = (across[:, :, None, :] * slopes.coefficients[of][..., None]).reshape(len(area), -1, 3)
-    values = np.concatenate([by_slope, -ends, ends], axis=1)
-    members = np.concatenate([slopes.vertices[of].reshape(-1, 3 * reach), faces, np.roll(faces, -1, axis=1)], axis=1)
-    columns = np.repeat(members, 3, axis=1).reshape(len(area), -1, 3)
-    rows = np.broadcast_to(3 * np.arange(len(area))[:, None, None] + np.arange(3), values.shape)
-    shape = (3 * len(area), cloth.vertices)
-    table: Any = csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), shape)
-    table.sum_duplicates()
-    return _padded(table.indptr, table.indices, table.data, faces[:, 0])
-
-
-def _padded(starts: IntArray, indices: IntArray, data: FloatArray, blank: IntArray) -> tuple[IntArray, FloatArray]:
-    """Rows of equally many vertices, three at a time on the same ones."""
-    count = np.diff(starts)[::3]
-    place = np.arange(count.max())
-    inside = place < count[:, None]
-    at = np.where(inside, place, 0)
-    vertices = np.where(inside, indices[starts[:-1:3, None] + at], blank[:, None])
-    rows = np.stack([np.where(inside, data[starts[axis:-1:3, None] + at], 0.0) for axis in range(3)], axis=1)
-    # Those that matter first, as many as any triangle has.
-    none = (rows == 0.0).all(axis=1)
-    order = np.argsort(none, axis=1, kind="stable")[:, : int((~none).sum(axis=1).max())]
-    rows = np.take_along_axis(rows, order[:, None], axis=2)
-    vertices, none = np.take_along_axis(vertices, order, axis=1), np.take_along_axis(none, order, axis=1)
-    return np.where(none, blank[:, None], vertices).astype(np.int64), rows
+    room = 3 * (slopes.vertices.shape[1] + 1)
+    members, rows = np.zeros((len(area), room), np.int64), np.zeros((len(area), 3, room))
+    widest = gather(*slopes, of, across, ends, faces, np.full(cloth.vertices, -1), members, rows)
+    return np.ascontiguousarray(members[:, :widest]), np.ascontiguousarray(rows[:, :, :widest])
 
 
 def _outer(a: FloatArray, b: FloatArray) -> FloatArray:

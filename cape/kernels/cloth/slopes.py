@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.kernels.cloth.fit import eigenvalues, factorise, solve
 from cape.kernels.jit import inlined, routine
 
 FloatArray = NDArray[np.float64]
@@ -21,8 +22,6 @@ QUADRATIC = 6  # numbers that make a quadratic: fewer points never determine one
 GROWN = 4  # times that a fit takes in the neighbours of its triangles, at most
 USUAL = 8  # vertices around an edge
 NEAREST = 1e-12  # squared distance over that of the edge's length, below which a vertex is no nearer
-TURNS = 30  # sweeps of rotations at most; some six are usual
-DIAGONAL = 1e-24  # squares beside a matrix's diagonal over that of its trace, at which it is one
 
 
 class Flat(NamedTuple):
@@ -310,71 +309,70 @@ def set_basis(basis, x, y):
 
 
 @routine
-def eigenvalues(matrix):
-    """Least and largest eigenvalue of a symmetric matrix, whose lower half is given and changed, by Jacobi's method.
+def gather(vertices, coefficients, edges, across, ends, faces, place, members, rows):
+    """Sum up by vertex what curvatures of triangles are made of; returns how many vertices the widest has.
 
-    Golub and Van Loan 2013, section 8.5.
+    Of triangle t they are the sum over its three `edges` (n, 3) of `across` (n, 3, 3) times the edge's slope, whose
+    `vertices` (E, M) and `coefficients` (E, M) are given, and of `ends` (n, 3, 3) times how much further up the edge's
+    end is than its start, corners of `faces` (n, 3). Filled are `members` (n, L), sorted, and `rows` (n, 3, L), where
+    one has fewer with its first corner and zeros. L is 3 (M + 1) at least; `place` (N,) of each vertex is room, -1.
     """
-    n = matrix.shape[0]
-    for _ in range(TURNS):
-        beside, trace = 0.0, 0.0
-        for p in range(n):
-            trace += matrix[p, p]
-            for q in range(p):
-                beside += matrix[p, q] * matrix[p, q]
-        if beside <= DIAGONAL * trace * trace:
-            break
-        for p in range(1, n):
-            for q in range(p):
-                if matrix[p, q] != 0.0:
-                    turn_off(matrix, p, q)
-    least = largest = matrix[0, 0]
-    for p in range(1, n):
-        least, largest = min(least, matrix[p, p]), max(largest, matrix[p, p])
-    return least, largest
+    widest = 0
+    for t in range(edges.shape[0]):
+        own, sums, count = members[t], rows[t], 0
+        for k in range(3):
+            e, start, end = edges[t, k], faces[t, k], faces[t, (k + 1) % 3]
+            for m in range(vertices.shape[1]):
+                if coefficients[e, m] != 0.0:
+                    count = add_to(vertices[e, m], coefficients[e, m], across[t, k], place, own, sums, count)
+            count = add_to(start, -1.0, ends[t, k], place, own, sums, count)
+            count = add_to(end, 1.0, ends[t, k], place, own, sums, count)
+        for k in range(count):
+            place[own[k]] = -1
+        count = leave_out_nothing(own, sums, count)
+        sort_members(own, sums, count)
+        for k in range(count, own.size):
+            own[k] = faces[t, 0]
+            sums[0, k] = sums[1, k] = sums[2, k] = 0.0
+        widest = max(widest, count)
+    return widest
+
+
+@inlined
+def add_to(vertex, times, numbers, place, own, sums, count):
+    """Add three numbers, some times, to those of a vertex, which may be a new one; gives how many there are then."""
+    if place[vertex] < 0:
+        place[vertex] = count
+        own[count] = vertex
+        sums[0, count] = sums[1, count] = sums[2, count] = 0.0
+        count += 1
+    k = place[vertex]
+    sums[0, k] += times * numbers[0]
+    sums[1, k] += times * numbers[1]
+    sums[2, k] += times * numbers[2]
+    return count
 
 
 @routine
-def turn_off(matrix, p, q):
-    """Rotate a symmetric matrix, by its lower half, so that its entry (p, q) below the diagonal vanishes."""
-    apart = (matrix[q, q] - matrix[p, p]) / (2.0 * matrix[p, q])
-    tangent = 1.0 / (abs(apart) + math.sqrt(apart * apart + 1.0))
-    tangent = tangent if apart >= 0.0 else -tangent
-    cosine = 1.0 / math.sqrt(tangent * tangent + 1.0)
-    sine = tangent * cosine
-    matrix[p, p] -= tangent * matrix[p, q]
-    matrix[q, q] += tangent * matrix[p, q]
-    matrix[p, q] = 0.0
-    for k in range(matrix.shape[0]):
-        if k != p and k != q:
-            i, j = max(k, p), min(k, p)
-            u, v = max(k, q), min(k, q)
-            one, two = matrix[i, j], matrix[u, v]
-            matrix[i, j], matrix[u, v] = cosine * one - sine * two, sine * one + cosine * two
+def leave_out_nothing(own, sums, count):
+    """Leave out vertices of which nothing is left; gives how many there are then."""
+    kept = 0
+    for k in range(count):
+        if (sums[0, k] != 0.0) | (sums[1, k] != 0.0) | (sums[2, k] != 0.0):
+            own[kept] = own[k]
+            sums[0, kept], sums[1, kept], sums[2, kept] = sums[0, k], sums[1, k], sums[2, k]
+            kept += 1
+    return kept
 
 
 @routine
-def factorise(matrix):
-    """Cholesky's factor of a positive definite matrix, over its lower half."""
-    for j in range(matrix.shape[0]):
-        for k in range(j):
-            matrix[j, j] -= matrix[j, k] * matrix[j, k]
-        matrix[j, j] = math.sqrt(matrix[j, j])
-        for i in range(j + 1, matrix.shape[0]):
-            for k in range(j):
-                matrix[i, j] -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] /= matrix[j, j]
-
-
-@routine
-def solve(factor, wanted):
-    """Solve for a vector, in place, with a matrix of which the factor is given."""
-    n = wanted.size
-    for i in range(n):
-        for k in range(i):
-            wanted[i] -= factor[i, k] * wanted[k]
-        wanted[i] /= factor[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            wanted[i] -= factor[k, i] * wanted[k]
-        wanted[i] /= factor[i, i]
+def sort_members(own, sums, count):
+    """Sort vertices, some of which are in order, and what belongs to them."""
+    for k in range(1, count):
+        vertex, a, b, c = own[k], sums[0, k], sums[1, k], sums[2, k]
+        j = k
+        while j > 0 and own[j - 1] > vertex:
+            own[j] = own[j - 1]
+            sums[0, j], sums[1, j], sums[2, j] = sums[0, j - 1], sums[1, j - 1], sums[2, j - 1]
+            j -= 1
+        own[j], sums[0, j], sums[1, j], sums[2, j] = vertex, a, b, c
