@@ -243,6 +243,21 @@ def test_a_mesh_gets_more_room_when_its_spare_vertices_are_used_up():
     assert np.abs(simulation.positions - before).max() < 1e-3
 
 
+def test_a_torn_mesh_goes_on_with_another_solver_that_steps_spare_vertices():
+    simulation = crumpled(MESHES["springs"])
+    simulation.tear(WAYS[1])
+    before, room, energy = simulation.positions, simulation.assembly.cloth.vertices, simulation.energy
+    simulation.change_solver(cape.XPBD())
+    assert simulation.assembly.cloth.vertices == room
+    assert np.allclose(simulation.positions, before, atol=1e-6)
+    assert simulation.energy.elastic == pytest.approx(energy.elastic, rel=1e-4)
+    ranks = simulation.assembly.ranks
+    simulation.tear(WAYS[2])
+    assert simulation.assembly.ranks is ranks
+    simulation.step({}, 1e-4)
+    assert np.abs(simulation.positions[: len(before)] - before).max() < 1e-3
+
+
 def test_a_torn_mesh_goes_on_with_a_solver_that_steps_no_spare_vertices():
     simulation = crumpled(MESHES["springs"])
     simulation.tear(WAYS[1])
