@@ -325,10 +325,13 @@ def _patches(springs: Springs) -> tuple[NDArray[np.int64], Array, Array]:
     members, count = springs.bend_vertices, len(springs.bend_vertices)
     if springs.in_slots:
         # Three by three already, but some may be idle.
-        acts = springs.bend_stiffness > 0.0
-        coefficients = (springs.bend_coefficients * acts[:, None]).reshape(count // 3, 3, -1)
+        acts, coefficients = springs.bend_stiffness > 0.0, springs.bend_coefficients
+        vertices, stiffness = np.ascontiguousarray(members[::3]), springs.bend_stiffness.reshape(-1, 3)
+        if acts.all():
+            return vertices, coefficients.reshape(count // 3, 3, -1), stiffness
         some = acts.reshape(-1, 3).any(axis=1)
-        return members[::3][some], coefficients[some], springs.bend_stiffness.reshape(-1, 3)[some]
+        coefficients = (coefficients * acts[:, None]).reshape(count // 3, 3, -1)
+        return vertices[some], coefficients[some], stiffness[some]
     # Neighbours may have the same vertices, too: three by three of each run.
     unlike = np.ones(count, dtype=bool)
     unlike[1:] = (members[1:] != members[:-1]).any(axis=1)

@@ -25,7 +25,7 @@ from cape.cloth.triangle_mesh import locality_order
 from cape.run.tearing import refit_mesh
 from cape.run.tearing.sheets import sheet_of
 from cape.scene.standard_scenes import SHEET
-from cape.solvers.xpbd import step_of
+from cape.solvers.xpbd import _patches, step_of
 from tests.tearing.to_tear import FABRIC, mesh_of, still
 
 GRID = cape.Cloth.rectangle(width=0.4, height=0.5, spacing=0.04, fabric=FABRIC)
@@ -199,6 +199,21 @@ def test_xpbd_goes_on_in_place_to_the_bit_as_laid_out_anew(kind, iterations, mon
         runs.append((simulation.positions, simulation.velocities, chosen))
     for followed, wanted in zip(*runs, strict=True):
         assert np.array_equal(followed, wanted)
+
+
+def test_patches_of_xpbd_bend_as_springs_do_some_of_which_are_idle():
+    idle = 0
+    for split, springs, _, _ in torn_at_random(MESHES["springs"], seed=1):
+        idle += int((springs.bend_stiffness == 0.0).sum())
+        vertices, coefficients, stiffness = _patches(springs)
+        matrix = np.zeros((split.vertices, split.vertices))
+        for members, rows, k in zip(vertices, coefficients, stiffness, strict=True):
+            np.add.at(matrix, (members[:, None], members), rows.T @ (k[:, None] * rows))
+        wanted = bend_matrix(springs.acting, split.vertices).toarray()
+        assert np.abs(matrix - wanted).max() < 1e-12 * np.abs(wanted).max()
+        # What is idle does not have a vertex move with others either.
+        assert (coefficients[stiffness == 0.0] == 0.0).all()
+    assert idle
 
 
 @pytest.mark.parametrize("held", [["top"], []])
