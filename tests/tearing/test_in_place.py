@@ -205,6 +205,7 @@ def test_patches_of_xpbd_bend_as_springs_do_some_of_which_are_idle():
     idle = 0
     for split, springs, _, _ in torn_at_random(MESHES["springs"], seed=1):
         idle += int((springs.bend_stiffness == 0.0).sum())
+        springs.bend_coefficients[springs.bend_stiffness == 0.0] += 1e-9  # as rounding may leave
         vertices, coefficients, stiffness = _patches(springs)
         matrix = np.zeros((split.vertices, split.vertices))
         for members, rows, k in zip(vertices, coefficients, stiffness, strict=True):
