@@ -202,10 +202,8 @@ def test_xpbd_goes_on_in_place_to_the_bit_as_laid_out_anew(kind, iterations, mon
 
 
 def test_patches_of_xpbd_bend_as_springs_do_some_of_which_are_idle():
-    idle = 0
     for split, springs, _, _ in torn_at_random(MESHES["springs"], seed=1):
-        idle += int((springs.bend_stiffness == 0.0).sum())
-        springs.bend_coefficients[springs.bend_stiffness == 0.0] += 1e-9  # as rounding may leave
+        springs.bend_stiffness[::7] = 0.0  # as of a fabric that only warp threads stiffen
         vertices, coefficients, stiffness = _patches(springs)
         matrix = np.zeros((split.vertices, split.vertices))
         for members, rows, k in zip(vertices, coefficients, stiffness, strict=True):
@@ -214,7 +212,6 @@ def test_patches_of_xpbd_bend_as_springs_do_some_of_which_are_idle():
         assert np.abs(matrix - wanted).max() < 1e-12 * np.abs(wanted).max()
         # What is idle does not have a vertex move with others either.
         assert (coefficients[stiffness == 0.0] == 0.0).all()
-    assert idle
 
 
 @pytest.mark.parametrize("held", [["top"], []])
