@@ -4,9 +4,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
 from cape.assembly.geodesics import geodesic_distances
+from cape.kernels.tearing.ways import Ways
 
 
 @dataclass(frozen=True)
@@ -35,15 +37,30 @@ class Chain:
         return self.gravity * self.springs**2
 
 
-def chain_of(assembly: Assembly) -> Chain:
-    """Find the longest chain of a cloth; of one that nothing holds, half its side."""
-    springs, cloth = assembly.springs, assembly.cloth
-    held = np.unique(np.concatenate([np.flatnonzero(~assembly.free), *(c.vertices for c in assembly.carried)]))
+def chain_of(assembly: Assembly, ways: Ways | None = None) -> Chain:
+    """Find the longest chain of a cloth; of one that nothing holds, half its side.
+
+    `ways_of` it are given where they have been measured.
+    """
+    springs, cloth, held = assembly.springs, assembly.cloth, _held(assembly)
     spacing = float(np.median(springs.rest[springs.measured]))
     if len(held):
-        distances, _ = geodesic_distances(cloth, held, springs=springs)
+        distances = geodesic_distances(cloth, held, springs=springs)[0] if ways is None else ways.distances
         length = float(distances[np.isfinite(distances)].max())
     else:
-        length = 0.5 * spacing * math.sqrt(cloth.vertices)
+        length = 0.5 * spacing * math.sqrt(assembly.in_use)
     gravity = float(np.linalg.norm(assembly.scene.gravity))
     return Chain(length, max(length / spacing, 1.0), gravity)
+
+
+def ways_of(assembly: Assembly) -> Ways:
+    """The springs of a cloth, and room for how far its vertices are from what holds it, to be measured by a kernel."""
+    springs, count = assembly.springs, assembly.cloth.vertices
+    ends = springs.first, springs.second, springs.rest
+    return Ways(*ends, _held(assembly), np.zeros(count), np.zeros(count, np.int64))
+
+
+def _held(assembly: Assembly) -> NDArray[np.int64]:
+    """Vertices that bones hold, hard or not (n,)."""
+    fixed = np.flatnonzero(~assembly.free[: assembly.in_use])
+    return np.unique(np.concatenate([fixed, *(carried.vertices for carried in assembly.carried)]))

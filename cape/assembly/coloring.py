@@ -27,7 +27,7 @@ def by_color(members: IntArray) -> Colors:
     """
     if len(members) == 0:
         return Colors(np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64))
-    near = np.lexsort(np.sort(members, axis=1).T[::-1])
+    near = _by_vertices(members)
     degree = np.bincount(members.ravel())
     most = int((degree[members] - 1).sum(axis=1).max()) + 1
     met = np.zeros((len(degree), -(-most // WORD)), dtype=np.uint64)
@@ -35,6 +35,21 @@ def by_color(members: IntArray) -> Colors:
     first_fit(np.ascontiguousarray(members[near], dtype=np.int64), met, colors)
     starts = np.concatenate([[0], np.cumsum(np.bincount(colors))])
     return Colors(near[np.argsort(colors, kind="stable")], starts)
+
+
+def _by_vertices(members: IntArray) -> IntArray:
+    """The order of constraints (E, m) by their lowest vertices, then by their next ones, (E,)."""
+    ordered = np.sort(members, axis=1)
+    bits = max(int(ordered.max()).bit_length(), 1)
+    together = 63 // bits  # vertices in one number
+    keys = []
+    for start in range(0, ordered.shape[1], together):
+        key = np.zeros(len(ordered), np.int64)
+        for column in ordered.T[start : start + together]:
+            key = key << bits | column
+        keys.append(key)
+    # What is nearly in order already, as springs are, is soon sorted by a single key.
+    return np.argsort(keys[0], kind="stable") if len(keys) == 1 else np.lexsort(keys[::-1])
 
 
 class Blocks(NamedTuple):

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,9 @@ from cape.scene.scene import Scene, require_held_once
 from cape.solvers import Solver
 from cape.solvers.base import MOST_SUBSTEPS
 from motions.errors import ValueRangeError
+
+if TYPE_CHECKING:
+    from cape.assembly.mesh.split_springs import Changed
 
 FloatArray = NDArray[np.float64]
 
@@ -154,6 +158,16 @@ class Hanging:
         springs = self.assembly.springs
         links = (np.ascontiguousarray(each) for each in (springs.first, springs.second, springs.rest))
         self._strain = Bound(is_strained, *self.state[:3], *links, STRAINED)
+
+    def follow(self, assembly: Assembly, changed: "Changed") -> None:
+        """Go on in the assembly of a mesh that has split, in place; see `Solver.follow`."""
+        self.running.arrays = self._solver.follow(self.running.arrays, assembly, changed)
+        self.assembly = self.running.assembly = assembly
+
+    @property
+    def follow_requests(self) -> list[Request]:
+        """The code that `follow` needs, to be compiled together with other code."""
+        return self._solver.follow_requests(self.assembly)
 
     def begin_in(self, assembly: Assembly, state: State) -> None:
         """Set out in another assembly of the same scene, or one of more vertices, at a state about the same origin."""

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from cape.solvers.running import Running, Thread
 from motions.border import checked
 from motions.errors import ValueRangeError, require_whole
 
+if TYPE_CHECKING:
+    from cape.assembly.mesh.split_springs import Changed
+
 Precision = Literal["single", "double"]
 
 MOST_ITERATIONS = 1_000_000  # of any kind in a step
@@ -37,7 +40,8 @@ class Solver(ABC):
         precision: of the cloth's positions and velocities; None to let the solver choose.
         usual_precision: what it chooses, unless a scene needs another.
         order: power of the step by which errors shrink, in theory, once steps are short enough.
-        splits: whether it steps a cloth with spare vertices, which may split while it runs.
+        splits: whether it steps meshes with spare vertices, which may split while it runs.
+        splits_grids: whether it steps such grids.
         sweeps: whether springs act by impulses that are found in sweeps over them, rather than by their forces.
         title: what it is called in tables and pictures.
         colour: that pictures draw it in.
@@ -53,6 +57,7 @@ class Solver(ABC):
     usual_precision: ClassVar[Precision]
     order: ClassVar[float]
     splits: ClassVar[bool] = False
+    splits_grids: ClassVar[bool] = False
     sweeps: ClassVar[bool] = False
     substeps: int | None = None
     precision: Precision | None = None
@@ -99,6 +104,18 @@ class Solver(ABC):
     @abstractmethod
     def units(self, thread: Thread, linker: Linker) -> Order:
         """What one thread does in a frame; programs within programs are made by the linker."""
+
+    def follow(self, arrays: Any, assembly: Assembly, changed: "Changed") -> Any:
+        """The arrays for a mesh that has split, with what has changed; only those that `splits` follow, in place.
+
+        Raises:
+            NoRoom: what has split finds no room, and the arrays are of no use any more.
+        """
+        raise NotImplementedError
+
+    def follow_requests(self, assembly: Assembly) -> list[Request]:
+        """The code that `follow` needs; none, for most solvers."""
+        return []
 
     def begin(self, running: Running) -> None:  # noqa: B027
         """Prepare for a frame; nothing, for most solvers."""

@@ -67,6 +67,7 @@ class SymplecticEuler(Solver):
     usual_precision: ClassVar[Precision] = "single"
     order: ClassVar[float] = 1.0
     splits: ClassVar[bool] = True
+    splits_grids: ClassVar[bool] = True
     margin: float = 0.9
 
     def __post_init__(self) -> None:
@@ -109,6 +110,19 @@ class SymplecticEuler(Solver):
         arrays: EulerArrays = running.arrays
         return max(1, math.ceil(duration / (self.margin * (arrays.strained_step if strained else arrays.stable_step))))
 
+    def follow(self, arrays: EulerArrays, assembly: Assembly, changed: "Changed") -> EulerArrays:
+        """Take steps as short as a mesh needs that has split, if they were longer."""
+        from cape.assembly.mesh.split_springs import SplitMeshSprings
+        from cape.assembly.mesh.split_stability import steps_near
+
+        springs = assembly.springs
+        assert isinstance(springs, SplitMeshSprings)
+        fabric, flat = assembly.cloth.fabric, _flat(assembly)
+        rest, strained = steps_near(springs, changed, fabric, assembly.inverse_mass, flat, _ground(assembly))
+        return arrays._replace(
+            stable_step=min(arrays.stable_step, rest), strained_step=min(arrays.strained_step, strained)
+        )
+
     def units(self, thread: Thread, linker: Linker) -> Order:
         """Forces, integration, contact, attachments."""
         running = thread.running
@@ -125,18 +139,6 @@ class SymplecticEuler(Solver):
                 *wait(thread),
             ],
         )
-
-
-def shortened(arrays: EulerArrays, assembly: Assembly, changed: "Changed") -> EulerArrays:
-    """The same for a mesh that has split, with what has changed: steps as short as that needs, if they were longer."""
-    from cape.assembly.mesh.split_springs import SplitMeshSprings
-    from cape.assembly.mesh.split_stability import steps_near
-
-    springs = assembly.springs
-    assert isinstance(springs, SplitMeshSprings)
-    fabric, flat = assembly.cloth.fabric, _flat(assembly)
-    rest, strained = steps_near(springs, changed, fabric, assembly.inverse_mass, flat, _ground(assembly))
-    return arrays._replace(stable_step=min(arrays.stable_step, rest), strained_step=min(arrays.strained_step, strained))
 
 
 def _stable_step(assembly: Assembly) -> float:

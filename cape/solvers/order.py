@@ -179,7 +179,7 @@ def end_substep(
     if contacts.layers is not None:
         uses += wait(thread)
         if thread.is_first:
-            look = Use(look_ahead, Ahead(running.state, contacts.layers.sight.places))
+            look = Use(look_ahead, Ahead(running.state, contacts.layers.sight.places, contacts.layers.pressure.clock))
             search = Use(search_pairs, Searched(contacts.layers, assembly.inverse_mass))
             layered = Layered(running.state, contacts.layers, thread.inverse_mass, linker.program([look, search]))
             uses.append(Use(keep_apart, layered))

@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly, force_scratch, inertia_of
-from cape.assembly.chains import Chain, chain_of
+from cape.assembly.chains import Chain, chain_of, ways_of
 from cape.assembly.coloring import Blocks, by_color, in_blocks
 from cape.assembly.membrane import Membrane
 from cape.assembly.springs import Springs
@@ -17,6 +17,7 @@ from cape.forces.base import Force
 from cape.forces.elastic import Elastic, damping_times
 from cape.forces.hold import Hold
 from cape.forces.registry import forces_of
+from cape.kernels.calling import Bound
 from cape.kernels.cloth.grid import GridRoom
 from cape.kernels.cloth.membrane import Tension
 from cape.kernels.linking import Linker
@@ -24,7 +25,9 @@ from cape.kernels.program import Use
 from cape.kernels.solve.attachments import Held, aim_attached
 from cape.kernels.solve.soft import Drawn, draw_vertices
 from cape.kernels.state import Inertia, aligned
-from cape.kernels.xpbd.bending import BendConstraints
+from cape.kernels.store import Request
+from cape.kernels.tearing.ways import measure_ways
+from cape.kernels.xpbd.bending import ROWS, BendConstraints, count_members, lay_bends
 from cape.kernels.xpbd.formulas import Constraints
 from cape.kernels.xpbd.grid import GridConstraints, GridSweeps, dealt, hands_for, prepare_grid, solve_grid
 from cape.kernels.xpbd.membrane import MembraneConstraints
@@ -37,6 +40,9 @@ from cape.solvers.order import Order, begin_frame, blow, end_substep, forces, mo
 from cape.solvers.running import Running, Thread
 from motions.border import checked
 from motions.errors import require_whole
+
+if TYPE_CHECKING:
+    from cape.assembly.mesh.split_springs import Changed
 
 Array = NDArray[np.floating]
 
@@ -94,6 +100,7 @@ class XPBD(Solver):
     usual_precision: ClassVar[Precision] = "single"
     order: ClassVar[float] = 1.0
     sweeps: ClassVar[bool] = True
+    splits: ClassVar[bool] = True
     iterations: int = 1
 
     def __post_init__(self) -> None:
@@ -114,6 +121,10 @@ class XPBD(Solver):
             constraints = self._grid(assembly, cloth, dtype)
         else:
             (constraints, damping, bend_damping), *pieces = self._pieces(assembly, dtype)
+            if assembly.springs.in_slots and not pieces:
+                from cape.solvers.xpbd_splits import with_room
+
+                constraints = with_room(constraints)
         return XpbdArrays(
             forces={force: force.arrays(assembly, dtype) for force in others},
             constraints=constraints,
@@ -125,6 +136,27 @@ class XPBD(Solver):
             longest_step=step_of(chain_of(assembly)),
             pieces=tuple(pieces),
         )
+
+    def follow(self, arrays: XpbdArrays, assembly: Assembly, changed: "Changed") -> XpbdArrays:
+        """Colour the constraints of a mesh anew, in place, and take steps for the chains of springs that are left.
+
+        Raises:
+            NoRoom: they find no room, and the arrays are of no use any more.
+        """
+        from cape.assembly.mesh.places import NoRoom
+        from cape.solvers.xpbd_splits import refill
+
+        pieces = self._pieces(assembly, self.dtype(assembly))
+        if len(pieces) > 1 or not isinstance(arrays.constraints, MeshConstraints):
+            raise NoRoom
+        refill(arrays.constraints, pieces[0].constraints)
+        ways = ways_of(assembly)
+        Bound(measure_ways, ways)()
+        return arrays._replace(longest_step=step_of(chain_of(assembly, ways)))
+
+    def follow_requests(self, assembly: Assembly) -> list[Request]:
+        """The code that `follow` needs."""
+        return [Bound(measure_ways, ways_of(assembly)).request]
 
     def choose_substeps(self, running: Running, duration: float, *, strained: bool = False) -> int:
         """Number of steps in a frame of `duration` [s]: as asked, or as many as a hanging cloth needs, 40 at 60 Hz at
@@ -238,11 +270,11 @@ class XPBD(Solver):
         if springs.membrane is not None:
             membrane = self._membrane(springs.membrane, len(weights), dtype)
         else:
-            stretched = self._springs(springs, weights, dtype)
+            stretched = self._springs(springs.acting, weights, dtype)
         return MeshConstraints(
             springs=stretched,
             membrane=membrane,
-            bends=self._bends(springs, weights, dtype) if len(springs.bend_vertices) else None,
+            bends=self._bends(springs, weights, dtype) if springs.bend_stiffness.any() else None,
             packed=aligned(SIDE * (len(weights) + 1), dtype),
             rows=np.zeros((len(assembly.ranks), 4 * NEXT), dtype=dtype),
         )
@@ -278,19 +310,20 @@ class XPBD(Solver):
 
     def _bends(self, springs: Springs, weights: Array, dtype: type[np.floating]) -> BendConstraints:
         vertices, coefficients, stiffness = _patches(springs)
-        used = (coefficients != 0.0).any(axis=1)
-        colors = by_color(vertices)
+        counts, colors = np.zeros(len(vertices), np.int64), by_color(vertices)
+        count_members(coefficients, counts)
         # Within a colour any order is the same: patches of one size follow each other, so that loops end as foreseen.
         color = np.repeat(np.arange(len(colors.starts) - 1), np.diff(colors.starts))
-        order = colors.order[np.lexsort([used[colors.order].sum(axis=1), color])]
-        vertices, coefficients, used = vertices[order], coefficients[order], used[order]
-        coupled = np.einsum("krm,km,ksm->krs", coefficients, weights[vertices], coefficients)
-        mobility = np.diagonal(coupled, axis1=1, axis2=2)
+        order = colors.order[np.lexsort([counts[colors.order], color])]
+        first, total = np.zeros(len(order) + 1, np.int64), int(counts.sum())
+        members, table = np.zeros(total, np.uint32), np.zeros(ROWS * total, dtype)
+        mixed, mobility = np.zeros((2, len(order), ROWS))
+        lay_bends(vertices, coefficients, weights, order, first, members, table, mixed, mobility)
         return BendConstraints(
-            first=np.concatenate([[0], np.cumsum(used.sum(axis=1))]),
-            members=vertices[used].astype(np.uint32),
-            coefficients=np.swapaxes(coefficients, 1, 2)[used].astype(dtype).ravel(),
-            mixed=coupled[:, (0, 0, 1), (1, 2, 2)].astype(dtype),
+            first=first,
+            members=members,
+            coefficients=table,
+            mixed=mixed.astype(dtype),
             starts=colors.starts,
             bend=self._constraints(stiffness[order].ravel(), None, mobility.ravel(), dtype),
         )
@@ -320,6 +353,15 @@ def step_of(chain: Chain) -> float:
 def _patches(springs: Springs) -> tuple[NDArray[np.int64], Array, Array]:
     """Bend springs on the same vertices together: vertices (K, M), coefficients (K, 3, M) and stiffness (K, 3)."""
     members, count = springs.bend_vertices, len(springs.bend_vertices)
+    if springs.in_slots:
+        # Three by three already, but some may be idle.
+        acts, coefficients = springs.bend_stiffness > 0.0, springs.bend_coefficients
+        vertices, stiffness = np.ascontiguousarray(members[::3]), springs.bend_stiffness.reshape(-1, 3)
+        if acts.all():
+            return vertices, coefficients.reshape(count // 3, 3, -1), stiffness
+        some = acts.reshape(-1, 3).any(axis=1)
+        coefficients = (coefficients * acts[:, None]).reshape(count // 3, 3, -1)
+        return vertices[some], coefficients[some], stiffness[some]
     # Neighbours may have the same vertices, too: three by three of each run.
     unlike = np.ones(count, dtype=bool)
     unlike[1:] = (members[1:] != members[:-1]).any(axis=1)

@@ -447,11 +447,29 @@ def keep_apart(
 ) -> None:
     """Keep layers apart in one of a frame's substeps."""
     linker = Linker()
-    look = Use(self_contact.look_ahead, self_contact.Ahead(s, layers.sight.places))
+    look = Use(self_contact.look_ahead, self_contact.Ahead(s, layers.sight.places, layers.pressure.clock))
     search = linker.program([look, Use(self_contact.search_pairs, self_contact.Searched(layers, inverse_mass))])
     linker.link()
     group = self_contact.Layered(s, layers, inverse_mass, search)
     self_contact.keep_apart(group, Team.alone(s.x.size), substep, substeps, step)
+
+
+@pytest.mark.parametrize(("turns", "ahead"), [(False, self_contact.HORIZON), (True, 1e-3)])
+def test_cloth_is_foreseen_for_as_long_as_lists_serve(rng: np.random.Generator, turns: bool, ahead: float):
+    """Vertices that go on are foreseen far ahead; those that turn round all the time, for one look at them."""
+    cloth, start = shaken(rng, noise=0.01)
+    contact, s = record(cloth), State(*(a.copy() for a in start))
+    step, inverse_mass = 2e-4, np.zeros(s.x.size)
+    s.vz[:] = rng.uniform(-8.0, 8.0, s.x.size) if turns else 0.5 * np.sin(np.arange(s.x.size))
+    for k in range(200):
+        s.z[:] += step * s.vz
+        if turns and k % 5 == 0:
+            s.vz[:] *= -1.0
+        keep_apart(s, contact, inverse_mass, k, 200, step)
+    places = contact.sight.places
+    fastest = np.argmax(np.abs(s.vz))
+    mean = s.vz[:: patches.SAMPLE].mean()
+    assert abs(places[5, fastest] / (s.vz[fastest] - mean)) == pytest.approx(ahead, rel=1e-6)
 
 
 def test_runs_repeat_to_the_last_bit_also_after_going_back(rng: np.random.Generator):

@@ -322,3 +322,22 @@ def test_what_comes_before_and_after_the_constraints(rng: np.random.Generator):
     np.testing.assert_array_equal(forces, 0.0)
     xpbd.drift(STEP, *p, *u)
     np.testing.assert_allclose(p, x + STEP * u, atol=ROUNDING)
+
+
+def test_patches_are_laid_out_as_numpy_does(rng: np.random.Generator):
+    vertices, weights = rng.integers(0, 20, (7, 5)), rng.uniform(0.0, 3.0, 20)
+    coefficients = rng.normal(size=(7, 3, 5)) * (rng.random((7, 3, 5)) < 0.6)
+    coefficients[2] = 0.0
+    used, order, counts = (coefficients != 0.0).any(axis=1), rng.permutation(7), np.zeros(7, np.int64)
+    bending.count_members(coefficients, counts)
+    np.testing.assert_array_equal(counts, used.sum(axis=1))
+    total = counts.sum()
+    first, members, table = np.zeros(8, np.int64), np.zeros(total, np.uint32), np.zeros(3 * total)
+    mixed, mobility = np.zeros((2, 7, 3))
+    bending.lay_bends(vertices, coefficients, weights, order, first, members, table, mixed, mobility)
+    np.testing.assert_array_equal(first, np.append(0, np.cumsum(counts[order])))
+    np.testing.assert_array_equal(members, vertices[order][used[order]])
+    np.testing.assert_array_equal(table, np.swapaxes(coefficients[order], 1, 2)[used[order]].ravel())
+    coupled = np.einsum("krm,km,ksm->krs", coefficients, weights[vertices], coefficients)[order]
+    np.testing.assert_allclose(mobility, np.diagonal(coupled, axis1=1, axis2=2), rtol=1e-12)
+    np.testing.assert_allclose(mixed, coupled[:, (0, 0, 1), (1, 2, 2)], atol=1e-12)

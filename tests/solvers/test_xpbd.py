@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cape import XPBD, Fabric, Scene, SymplecticEuler, attach
-from cape.assembly.coloring import by_color
+from cape.assembly.coloring import _by_vertices, by_color
 from cape.cloth.cloth import Cloth
 from cape.kernels.xpbd.grid import GridConstraints
 from cape.solvers import Solver
@@ -54,6 +54,13 @@ def swung(layout: str, solver: Solver, substeps: int, *, frames: int = 12, threa
         pose = [[0.1 * np.sin(angle), 0.05 * np.sin(2 * angle), 0.0]], [turn_about((0, 0, 1), 0.5 * np.sin(angle))]
         run.step(1 / 60, substeps, pose)
     return run
+
+
+@pytest.mark.parametrize(("vertices", "count"), [(1, 3), (1000, 2), (1000, 9), (10**12, 3)])
+def test_constraints_are_ordered_by_their_vertices_however_many_numbers_these_take(vertices: int, count: int):
+    members = np.random.default_rng(1).integers(0, vertices, (200, count))
+    members[100:] = members[:100][:, ::-1]  # those on the same vertices stay in their order
+    np.testing.assert_array_equal(_by_vertices(members), np.lexsort(np.sort(members, axis=1).T[::-1]))
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)

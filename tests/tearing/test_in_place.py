@@ -1,5 +1,6 @@
 """A mesh whose arrays follow tears in place, against the same mesh assembled wholly anew."""
 
+import math
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 import cape
 from cape.assembly import assemble
+from cape.assembly.chains import chain_of
 from cape.assembly.mesh import split_springs
 from cape.assembly.mesh import springs as springs_of_meshes
 from cape.assembly.mesh.links import bend_matrix
@@ -23,7 +25,8 @@ from cape.cloth.triangle_mesh import locality_order
 from cape.run.tearing import refit_mesh
 from cape.run.tearing.sheets import sheet_of
 from cape.scene.standard_scenes import SHEET
-from tests.tearing.to_tear import FABRIC, mesh_of
+from cape.solvers.xpbd import _patches, step_of
+from tests.tearing.to_tear import FABRIC, mesh_of, still
 
 GRID = cape.Cloth.rectangle(width=0.4, height=0.5, spacing=0.04, fabric=FABRIC)
 STIFF = cape.Cloth.rectangle(width=0.4, height=0.5, spacing=0.04, fabric=SHEET)
@@ -131,11 +134,13 @@ def test_steps_are_as_short_as_the_torn_mesh_needs(kind):
             assert (steps >= 0.9 * np.minimum(needed, usual)).all()
 
 
-def crumpled(mesh: cape.MeshCloth, **scene) -> cape.Simulation:
+EULER = cape.SymplecticEuler(substeps=1, precision="double")
+
+
+def crumpled(mesh: cape.MeshCloth, solver: cape.Solver = EULER, **scene) -> cape.Simulation:
     """A free mesh, its vertices a little off their places, each with a velocity of its own, in double precision."""
     wind = cape.Wind(velocity=(3.0, 1.0, 0.5), viscous=0.01)
-    solver = cape.SymplecticEuler(substeps=1, precision="double")
-    scene = cape.Scene(mesh, gravity=(0.0, 0.0, 0.0), tearing=cape.Tearing(strain=1e3), wind=wind, **scene)
+    scene = cape.Scene(mesh, gravity=(0.0, 0.0, 0.0), tearing=cape.Tearing(strain=1e3), **{"wind": wind, **scene})
     simulation = cape.Simulation(scene, solver=solver, threads=2)
     simulation.start({})
     rng = np.random.default_rng(4)
@@ -174,6 +179,55 @@ def test_it_moves_as_one_that_is_anew_after_each_tear(kind, anew, monkeypatch):
         assert np.allclose(followed, wanted, rtol=1e-10, atol=1e-11 * np.abs(wanted).max())
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("iterations", [1, 3])
+def test_xpbd_goes_on_in_place_to_the_bit_as_laid_out_anew(kind, iterations, monkeypatch):
+    runs = []
+    monkeypatch.setattr(assemble, "FEWEST", 40)
+    for in_place in (True, False):
+        simulation = crumpled(MESHES[kind], cape.XPBD(iterations=iterations), wind=None)
+        ranks = simulation.assembly.ranks
+        if not in_place:
+            monkeypatch.setattr(refit_mesh, "_fill", no_room)
+        chosen = []
+        for way in WAYS:
+            assert simulation.tear(way) == len(way) - 1
+            for _ in range(5):
+                simulation.step({}, 1e-3)
+            chosen.append(simulation.own_substeps(1.0))
+        assert (simulation.assembly.ranks is ranks) == in_place
+        runs.append((simulation.positions, simulation.velocities, chosen))
+    for followed, wanted in zip(*runs, strict=True):
+        assert np.array_equal(followed, wanted)
+
+
+def test_patches_of_xpbd_bend_as_springs_do_some_of_which_are_idle():
+    for split, springs, _, _ in torn_at_random(MESHES["springs"], seed=1):
+        springs.bend_stiffness[::7] = 0.0  # as of a fabric that only warp threads stiffen
+        vertices, coefficients, stiffness = _patches(springs)
+        matrix = np.zeros((split.vertices, split.vertices))
+        for members, rows, k in zip(vertices, coefficients, stiffness, strict=True):
+            np.add.at(matrix, (members[:, None], members), rows.T @ (k[:, None] * rows))
+        wanted = bend_matrix(springs.acting, split.vertices).toarray()
+        assert np.abs(matrix - wanted).max() < 1e-12 * np.abs(wanted).max()
+        # What is idle does not have a vertex move with others either.
+        assert (coefficients[stiffness == 0.0] == 0.0).all()
+
+
+@pytest.mark.parametrize("held", [["top"], []])
+def test_steps_of_xpbd_are_those_of_the_chains_that_are_left(held):
+    """The way to what hangs below a slit leads around it; of what nothing holds spare vertices hold nothing."""
+    mesh = MESHES["springs"]
+    holds = [cape.attach(mesh, "rod", name) for name in held]
+    scene = cape.Scene(mesh, holds, gravity=(0.0, 0.0, -2000.0), tearing=cape.Tearing(strain=1e3))
+    simulation = cape.Simulation(scene, solver=cape.XPBD(), threads=1)
+    simulation.start(still(*simulation.bones))
+    before = simulation.own_substeps(1.0)
+    simulation.tear((GRID.rows - 3) * GRID.columns + np.arange(GRID.columns - 1))
+    assert simulation.own_substeps(1.0) == math.ceil(1.0 / step_of(chain_of(simulation.assembly)))
+    assert simulation.own_substeps(1.0) > before > 2400
+
+
 def no_room(*_: object) -> None:
     raise NoRoom
 
@@ -200,6 +254,21 @@ def test_a_mesh_gets_more_room_when_its_spare_vertices_are_used_up():
     before = simulation.positions
     simulation.step({}, 1e-5)
     assert np.abs(simulation.positions - before).max() < 1e-3
+
+
+def test_a_torn_mesh_goes_on_with_another_solver_that_steps_spare_vertices():
+    simulation = crumpled(MESHES["springs"])
+    simulation.tear(WAYS[1])
+    before, room, energy = simulation.positions, simulation.assembly.cloth.vertices, simulation.energy
+    simulation.change_solver(cape.XPBD())
+    assert simulation.assembly.cloth.vertices == room
+    assert np.allclose(simulation.positions, before, atol=1e-6)
+    assert simulation.energy.elastic == pytest.approx(energy.elastic, rel=1e-4)
+    ranks = simulation.assembly.ranks
+    simulation.tear(WAYS[2])
+    assert simulation.assembly.ranks is ranks
+    simulation.step({}, 1e-4)
+    assert np.abs(simulation.positions[: len(before)] - before).max() < 1e-3
 
 
 def test_a_torn_mesh_goes_on_with_a_solver_that_steps_no_spare_vertices():

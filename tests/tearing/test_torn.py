@@ -127,6 +127,14 @@ def test_a_sheet_that_is_drawn_apart_parts_in_two_the_same_on_all_threads(kind, 
     assert not reached & set(cloth.regions["bottom"].tolist())
 
 
+def test_xpbd_tears_a_mesh_the_same_on_all_threads():
+    more = {"wind": cape.Wind(), "self_contact": cape.SelfContact()}
+    one, two = (drawn_apart(CLOTHS["mesh"], threads=n, solver=cape.XPBD(), frames=14, **more) for n in (1, 2))
+    assert one.tears == two.tears > 0
+    assert np.array_equal(one.positions, two.positions)
+    assert np.array_equal(one.topology.triangles, two.topology.triangles)
+
+
 @pytest.mark.parametrize("solver", [cape.XPBD(), cape.BackwardEuler()])
 def test_other_solvers_tear_it_too(solver):
     small = cape.Cloth.rectangle(width=0.15, height=0.3, spacing=0.05, fabric=FABRIC)

@@ -41,7 +41,9 @@ from cape.kernels.state import State
 # the step while they cost less and less of it: 5 substeps of 0.2 ms, 1 of 5 ms.
 LONGEST = 5e-3
 CALM = 3e-3  # s; so far apart are beats at most, and looks at pairs that aren't due yet, where steps are short
-HORIZON = 6e-3  # s that vertices are foreseen to go on; longer ones need fewer searches, which list more
+# s that vertices are foreseen to go on at most; longer ones need fewer searches, which list more. They are foreseen for
+# no longer than the last list served: where cloth whips about none does for long, whatever it lists.
+HORIZON = 6e-3
 ACCELERATION = 20.0  # m/s2 that two points may have towards each other before their pair is looked at again
 SLACK = 0.02  # of the thickness, by which touching layers may sink in or be apart
 SLIDE = 0.2  # of the thickness, by which close edges may slide before it is seen whether they cross
@@ -53,15 +55,15 @@ DEEP = 0.5  # of the thickness: pairs that are too close by more are about to pa
 # folds leave no room for the thickness, springs push back what is moved apart: quickly done, that makes a heap tremble.
 RECOVERY, EASE = 20e-3, 0.3
 GRAZE = 1e-5  # m; points that are closer tell nothing about their sides
-NOW, DUE, BEAT, SINCE, PRESSED, SEARCHES, CLOCKS = range(7)
+NOW, DUE, BEAT, SINCE, PRESSED, SEARCHES, SOUGHT, AHEAD, CLOCKS = range(9)
 
 
 class Pressure(NamedTuple):
     """What acts between layers until the next beat.
 
     `held` (3, N) [m/s2] is what forces between touching pairs do to the vertices. `clock` (CLOCKS,), times in seconds:
-    now, when the next pair is due, when the next beat is, how long ago the last was; whether anything is held, and how
-    many searches there were.
+    now, when the next pair is due, when the next beat is, how long ago the last was; whether anything is held, how many
+    searches there were, when the last was, and how far ahead it looked.
     """
 
     held: FloatArray
@@ -122,10 +124,11 @@ class Layered(NamedTuple):
 
 
 class Ahead(NamedTuple):
-    """A cloth that is looked at, and where that is noted: `Sight.places`."""
+    """A cloth that is looked at, where that is noted, `Sight.places`, and the `clock` of its `Pressure`."""
 
     state: State
     places: FloatArray
+    clock: FloatArray
 
 
 class Searched(NamedTuple):
@@ -139,7 +142,7 @@ class Searched(NamedTuple):
 def look_ahead(g, team, substep, substeps, step):
     """Note where vertices are and how they go on until the next search."""
     least = looks_between(step) * step
-    look(g.state, least, max(HORIZON, least), g.places)
+    look(g.state, least, max(g.clock[AHEAD], least), g.places)
 
 
 @unit
@@ -248,6 +251,8 @@ def keep_apart(g, team, substep, substeps, step):
             clock[SINCE] = 0.0
         looks = remaining % every == 0 or clock[SEARCHES] == 0.0
         if looks and not is_foreseen(s, layers.sight.places, every * step, 0.5 * layers.margin):
+            clock[AHEAD] = min(clock[NOW] - clock[SOUGHT], HORIZON)
+            clock[SOUGHT] = clock[NOW]
             run(g.search, team, substep, substeps, step)
             clock[DUE] = 0.0
             clock[SEARCHES] += 1

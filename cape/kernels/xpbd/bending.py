@@ -37,6 +37,44 @@ class BendConstraints(NamedTuple):
 
 
 @routine
+def count_members(coefficients, counts):
+    """Count the vertices of patches that any of their springs leads to, (K,); `coefficients` (K, 3, M)."""
+    for k in range(counts.size):
+        counts[k] = 0
+        for m in range(coefficients.shape[2]):
+            counts[k] += is_member(coefficients, k, m)
+
+
+@routine
+def lay_bends(vertices, coefficients, weights, order, first, members, table, mixed, mobility):
+    """Lay out patches in an order (K,), from their `vertices` (K, M), `coefficients` (K, 3, M), and the inverse masses
+    of all vertices [1/kg], as `BendConstraints` has them; `mobility` is of shape (K, 3)."""
+    n = 0
+    for k in range(order.size):
+        p = order[k]
+        first[k] = n
+        aa = bb = cc = ab = ac = bc = 0.0
+        for m in range(vertices.shape[1]):
+            if is_member(coefficients, p, m):
+                a, b, c = coefficients[p, 0, m], coefficients[p, 1, m], coefficients[p, 2, m]
+                w = weights[vertices[p, m]]
+                aa, bb, cc = aa + w * a * a, bb + w * b * b, cc + w * c * c
+                ab, ac, bc = ab + w * a * b, ac + w * a * c, bc + w * b * c
+                members[n] = vertices[p, m]
+                table[ROWS * n], table[ROWS * n + 1], table[ROWS * n + 2] = a, b, c
+                n += 1
+        mobility[k, 0], mobility[k, 1], mobility[k, 2] = aa, bb, cc
+        mixed[k, 0], mixed[k, 1], mixed[k, 2] = ab, ac, bc
+    first[order.size] = n
+
+
+@inlined
+def is_member(coefficients, k, m):
+    """Whether any spring of patch k leads to its vertex m."""
+    return (coefficients[k, 0, m] != 0.0) | (coefficients[k, 1, m] != 0.0) | (coefficients[k, 2, m] != 0.0)
+
+
+@routine
 def bend_patches(c, time, packed, team):
     """Go through all patches, if there are any, colour by colour."""
     if c is not None:

@@ -24,8 +24,8 @@ def split_layers(layers: Layers, cloth: Cloth) -> bool:
     vertices, or where its patches are not those of the whole cloth."""
     if not isinstance(cloth, SplitGrid | SplitMesh):
         return False
-    patches, count, order = layers.patches, cloth.vertices, patch_order(cloth.whole)
-    if not np.array_equal(cloth.parents[patches.triangles.T], cloth.whole.triangles[order]):
+    patches, count, (order, whole) = layers.patches, cloth.vertices, patch_order(cloth.whole)
+    if not np.array_equal(cloth.parents[patches.triangles], whole):
         return False
     pieces = len(patches.triangle_start) - 1
     owner = np.repeat(np.arange(pieces), np.diff(patches.triangle_start))
@@ -49,14 +49,14 @@ def split_layers(layers: Layers, cloth: Cloth) -> bool:
 
 
 @lru_cache(maxsize=8)
-def patch_order(whole: Cloth) -> IntArray:
-    """The triangles of a whole cloth in the order of its patches (T,)."""
+def patch_order(whole: Cloth) -> tuple[IntArray, IntArray]:
+    """The triangles of a whole cloth in the order of its patches (T,), and their vertices (3, T)."""
     triangles, count = whole.triangles.astype(np.int64), whole.vertices
     patches, _ = cut_into_patches(whole.triangles, rest_shape(whole))
     place, key = np.array([count * count, count, 1]), patches.triangles.T.astype(np.int64)
     order = np.empty(len(triangles), np.int64)
     order[np.argsort(key @ place)] = np.argsort(triangles @ place)
-    return order
+    return order, np.ascontiguousarray(triangles[order].T)
 
 
 def _by_patch(items: IntArray, owner: IntArray, pieces: int) -> tuple[IntArray, IntArray]:

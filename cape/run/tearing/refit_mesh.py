@@ -23,7 +23,6 @@ from cape.run.hanging import Hanging
 from cape.run.tearing.refit import go_on_in, move_faces, weigh, write_masses
 from cape.run.tearing.sheet import Sheet
 from cape.run.tearing.tethers import let_go
-from cape.solvers.euler import shortened
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -50,17 +49,16 @@ def refit_mesh(cloth: Hanging, sheet: Sheet, copies: IntArray) -> float:
         if missing > 0 or cloth.running.links is not None or not springs.in_slots:
             raise NoRoom
         _fill(cloth.running.arrays.forces, slots, changed)
+        assembly = replace(assembly, cloth=split, springs=slots)
+        weigh(assembly, first, sheet.vertices)
+        cloth.follow(assembly, changed)
     except NoRoom:
         _lay_out(cloth, split, slots, state, spare=springs.in_slots)
         return changed.released
-    assembly = replace(assembly, cloth=split, springs=slots)
-    weigh(assembly, first, sheet.vertices)
     if assembly.contacts.faces is not None:
         move_faces(assembly, mesh.triangles, split.triangles)
     write_masses(cloth.running.arrays, assembly)
     let_go(assembly)
-    cloth.running.arrays = shortened(cloth.running.arrays, assembly, changed)
-    cloth.assembly = cloth.running.assembly = assembly
     return changed.released
 
 
@@ -70,14 +68,15 @@ def _fill(forces: Any, springs: SplitMeshSprings, changed: Changed) -> None:
     Raises:
         NoRoom: something has no room in them, and they are of no use any more.
     """
-    links = forces[Elastic]
-    splits: Splits = links.splits
-    if splits.springs is not None:
-        move_springs(links.springs, splits.springs, springs, changed.slots)
-    if splits.membrane is not None:
-        move_membrane(links.springs, splits.membrane, springs, changed)
-    if links.bends is not None:
-        move_bends(links.bends, springs, changed.rows)
+    if Elastic in forces:
+        links = forces[Elastic]
+        splits: Splits = links.splits
+        if splits.springs is not None:
+            move_springs(links.springs, splits.springs, springs, changed.slots)
+        if splits.membrane is not None:
+            move_membrane(links.springs, splits.membrane, springs, changed)
+        if links.bends is not None:
+            move_bends(links.bends, springs, changed.rows)
     if Air in forces:
         move_triangles(forces[Air].splits.air, springs.faces, changed.triangles)
 

@@ -126,6 +126,6 @@ class MayTear(ABC):
 
 def tearable(scene: Scene, solver: Solver) -> Scene:
     """The scene with a cloth that splits under a solver: not all step grids that have split."""
-    if scene.tearing is None or solver.splits or not isinstance(scene.cloth, GridCloth):
+    if scene.tearing is None or solver.splits_grids or not isinstance(scene.cloth, GridCloth):
         return scene
     return replace(scene, cloth=as_mesh(scene.cloth))

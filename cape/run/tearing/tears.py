@@ -80,7 +80,8 @@ class Tears:
 
     def requests(self, cloth: Hanging) -> list[Request]:
         """The code that a run needs besides that of the cloth."""
-        return [*self._scale.requests(self.sheet, cloth.state), *tethers.requests(cloth.assembly)]
+        own = self._scale.requests(self.sheet, cloth.state)
+        return [*own, *tethers.requests(cloth.assembly), *cloth.follow_requests]
 
     def part(self, cloth: Hanging, vertices: ArrayLike) -> int:
         """Part the edges from each of some vertices to the next, shape (n,); gives how many have parted.
