@@ -8,18 +8,22 @@ import signal
 import subprocess
 import sys
 from contextlib import suppress
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple, Self
 
 CAPE = Path(sys.executable).with_name("cape")
 
-# What commands import, and foreign packages that are slow to import and start no threads, as rerun does.
+# What commands import, and foreign packages that are slow to import. A fork lacks the threads that rerun has started,
+# which serve catalogs alone: recordings are written and read without them.
 IMPORTED = (
     "cape.cli.app", "cape.cli.commands.replay", "cape.cli.figures.checking", "cape.record.growing", "cape.scenes",
     "attr", "numpy.fft", "numpy.ma", "numpy.random", "PIL.ExifTags", "PIL.Image", "pinocchio", "psutil", "pydoc",
-    "pydantic.fields", "pydantic.type_adapter", "pydantic.types", "rich.progress", "rich.table", "typer._adapters",
+    "pydantic.fields", "pydantic.type_adapter", "pydantic.types", "rerun", "rich.progress", "rich.table",
+    "typer._adapters",
 )  # fmt: skip
+OURS = ("cape", "skeleton", "motions")
 
 
 def cape(
@@ -45,7 +49,7 @@ class Done(NamedTuple):
 
 
 class Forks:
-    """Runs the installed script in forks of a process that has imported it: for commands that are many."""
+    """Runs the installed script, or others, in forks of a process that has imported much: for runs that are many."""
 
     def __init__(self, folder: Path):
         """Printed text goes through files in the folder."""
@@ -67,10 +71,14 @@ class Forks:
 
     def __call__(self, *arguments: str | Path, folder: Path) -> Done:
         """Run the command in a folder."""
+        return self.script(CAPE, *arguments, folder=folder)
+
+    def script(self, path: Path, *arguments: str | Path, folder: Path) -> Done:
+        """Run a Python script in a folder; all but the command finds foreign packages imported, and none of ours."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        asked = [str(folder), *map(str, self._printed), str(CAPE), *map(str, arguments)]
-        print(json.dumps(asked), file=self._process.stdin, flush=True)
+        asked = [folder, *self._printed, path, *arguments]
+        print(json.dumps([str(each) for each in asked]), file=self._process.stdin, flush=True)
         status = int(self._process.stdout.readline())
         return Done(status, *(path.read_text() for path in self._printed))
 
@@ -80,6 +88,7 @@ def _fork_for_each() -> None:
     for module in IMPORTED:
         with suppress(ModuleNotFoundError):  # typer of another version may need others
             import_module(module)
+    _build_once()
     gc.freeze()  # else each fork, as it ends, looks through all that was imported
     for line in sys.stdin:
         fork = os.fork()
@@ -89,8 +98,21 @@ def _fork_for_each() -> None:
         print(os.waitstatus_to_exitcode(os.waitpid(fork, 0)[1]), flush=True)
 
 
+def _build_once() -> None:
+    """Have the command and its options ready, which take most of the time of a run that is refused."""
+    import typer.main
+
+    from cape.cli.app import app
+
+    typer.main.get_command = cache(typer.main.get_command)
+    typer.main.get_command(app)
+
+
 def _run(folder: str, stdout: str, stderr: str, *command: str) -> None:
     """Run a script in this process, which ends as the script does."""
+    if command[0] != str(CAPE):
+        for name in [name for name in sys.modules if name.partition(".")[0] in OURS]:
+            del sys.modules[name]
     signal.alarm(300)
     os.chdir(folder)
     for stream, path in enumerate((os.devnull, stdout, stderr)):
