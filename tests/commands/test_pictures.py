@@ -29,10 +29,10 @@ WITHOUT_VULKAN = {"VK_DRIVER_FILES": "/none", "VK_ICD_FILENAMES": "/none"}
 
 
 @pytest.fixture(scope="module")
-def bare(tmp_path_factory) -> Path:
+def bare(tmp_path_factory, forks: Forks) -> Path:
     """A folder with a recording, bare.rrd, of the hitboxes alone; its only view is called so."""
     folder = tmp_path_factory.mktemp("bare")
-    done = cape("hitboxes", "walk", "--bare", "--end", "0.5", "-o", "bare.rrd", folder=folder)
+    done = forks("hitboxes", "walk", "--bare", "--end", "0.5", "-o", "bare.rrd", folder=folder)
     assert done.returncode == 0, done.stderr
     (folder / "kept.png").write_text("kept")
     return folder
@@ -79,8 +79,8 @@ def test_a_mistake_is_one_line_and_status_2(case: str, bare: Path, forks: Forks)
 
 @pytest.mark.few("asked0", "asked2")
 @pytest.mark.parametrize("asked", [["render", "bare.rrd"], ["render", "walk"], ["gallery", "-o", "pages"]])
-def test_without_vulkan_one_line_says_what_to_install(asked: list[str], bare: Path):
-    done = cape(*asked, folder=bare, timeout=60.0, **WITHOUT_VULKAN)
+def test_without_vulkan_one_line_says_what_to_install(asked: list[str], bare: Path, forks: Forks):
+    done = forks(*asked, folder=bare, **WITHOUT_VULKAN)
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr.splitlines() == ["cape: " + NO_GRAPHICS]

@@ -69,16 +69,16 @@ class Forks:
     def __exit__(self, *_: object) -> None:
         self._process.communicate()
 
-    def __call__(self, *arguments: str | Path, folder: Path) -> Done:
+    def __call__(self, *arguments: str | Path, folder: Path, **environment: str) -> Done:
         """Run the command in a folder."""
-        return self.script(CAPE, *arguments, folder=folder)
+        return self.script(CAPE, *arguments, folder=folder, **environment)
 
-    def script(self, path: Path, *arguments: str | Path, folder: Path) -> Done:
+    def script(self, path: Path, *arguments: str | Path, folder: Path, **environment: str) -> Done:
         """Run a Python script in a folder; all but the command finds foreign packages imported, and none of ours."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        asked = [folder, *self._printed, path, *arguments]
-        print(json.dumps([str(each) for each in asked]), file=self._process.stdin, flush=True)
+        asked = [str(each) for each in (folder, *self._printed, path, *arguments)]
+        print(json.dumps([environment, *asked]), file=self._process.stdin, flush=True)
         status = int(self._process.stdout.readline())
         return Done(status, *(path.read_text() for path in self._printed))
 
@@ -108,8 +108,9 @@ def _build_once() -> None:
     typer.main.get_command(app)
 
 
-def _run(folder: str, stdout: str, stderr: str, *command: str) -> None:
+def _run(environment: dict[str, str], folder: str, stdout: str, stderr: str, *command: str) -> None:
     """Run a script in this process, which ends as the script does."""
+    os.environ.update(environment)
     if command[0] != str(CAPE):
         for name in [name for name in sys.modules if name.partition(".")[0] in OURS]:
             del sys.modules[name]
