@@ -5,7 +5,7 @@ and Müller-Fischer 2012, "Long Range Attachments", hold it back by). So all tha
 reach lies in a ball around it, and a collider that no ball comes near in any frame never meets the cloth.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +26,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 STRETCH = 0.15  # by which the way along a cloth in use may be longer than that along its pattern
+MANY = 100  # colliders on one bone, of which most are no doubt far off
 MOST_PLACES = 16  # on a bone at which a cloth is taken to be held; more vertices are lumped together
 PUT_ON_SAMPLES = 17  # of the way of what is held, from where it starts to where it is worn
 
@@ -87,20 +88,30 @@ def reach_of(scene: Scene, track: BoneTrack, *, stretch: float = STRETCH) -> Rea
     held = _Held.of(scene, track, stretch)
     if held is None:
         return Reach(np.inf, stretch, dict.fromkeys(names, -np.inf), dict.fromkeys(names, 0))
-    inside, nearest, nearest_at = np.zeros(held.points.shape[:2]), [], []
-    for c in range(len(names)):
-        distances, least = held.clearance(c)
-        # Bones hold a vertex that is in a collider at the collider's surface instead (`kernels.solve.attachments`).
-        inside += np.maximum(_thickness(scene, c) + held.spreads - distances, 0.0)
-        nearest.append(least.min(axis=0))
-        nearest_at.append(least.argmin(axis=0))
-    radii = held.radii + held.left_behind(track.times) + inside.max(axis=0, initial=0.0)
+    radii, inside = held.radii + held.left_behind(track.times), np.zeros(held.points.shape[:2])
+    thickness = np.array([scene.thickness if c.thickness is None else c.thickness for c in scene.colliders])
+    away, away_at = held.far_off()
+    nearest: dict[int, tuple[FloatArray, IntArray]] = {}
+    # What is held in one collider reaches farther, and may reach others that were too far off to be looked at.
+    while len(new := np.setdiff1d(np.flatnonzero(away - thickness <= _farthest(radii, inside)), list(nearest))):
+        for c, distances, least in held.clearances(new):
+            # Bones hold a vertex that is in a collider at the collider's surface instead (`kernels.solve.attachments`).
+            inside += np.maximum(thickness[c] + held.spreads - distances, 0.0)
+            nearest[c] = least.min(axis=0), least.argmin(axis=0)
+    radii = radii + inside.max(axis=0, initial=0.0)
+    farthest = float(radii.max(initial=0.0))
     gaps, frames = {}, {}
     for c, name in enumerate(names):
-        beyond = nearest[c] - radii
-        gaps[name] = float(beyond.min() - _thickness(scene, c))
-        frames[name] = max(int(nearest_at[c][beyond == beyond.min()].min()) - held.before, 0)
-    return Reach(float(radii.max(initial=0.0)), stretch, gaps, frames)
+        gap, at = away[c] - farthest, int(away_at[c])
+        if c in nearest:
+            beyond = nearest[c][0] - radii
+            gap, at = beyond.min(), int(nearest[c][1][beyond == beyond.min()].min())
+        gaps[name], frames[name] = float(gap - thickness[c]), max(at - held.before, 0)
+    return Reach(farthest, stretch, gaps, frames)
+
+
+def _farthest(radii: FloatArray, inside: FloatArray) -> float:
+    return float((radii + inside.max(axis=0, initial=0.0)).max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,22 +196,43 @@ class _Held:
                 off += np.linalg.norm(places[frame] @ rotation.T + shift - places[frame + 1], axis=1)
         return off
 
-    def clearance(self, c: int) -> tuple[FloatArray, FloatArray]:
-        """Distances [m] of what is held from collider c at the samples (S, n), and at least until the next (S - 1, n).
+    def clearances(self, colliders: IntArray) -> Iterator[tuple[int, FloatArray, FloatArray]]:
+        """Each collider with the distances [m] of what is held from it at the samples (S, n), and at least until the
+        next (S - 1, n): nowhere on a line of length l is a distance less than (d0 + d1 - l) / 2."""
+        bones = self.scene.enclosing.bones[colliders]
+        for own in np.unique(bones).tolist():
+            places, slack = self._seen_from(own)
+            for c in colliders[bones == own].tolist():
+                found = signed_distance(self.scene.colliders[c], places.reshape(-1, 3)).reshape(places.shape[:2])
+                yield c, found, (found[1:] + found[:-1]) / 2.0 - slack
 
-        Between samples a bone's origin moves in a straight line and the bone turns at a constant rate. In the
-        collider's frame a held point p then leaves the straight line between its places q at both samples by at most
-        max |q''| / 8, where q = Rc^-1 (L + Rb p) and L is the way from the one bone's origin to the other's. Nowhere
-        on the line of length l is the distance less than (d0 + d1 - l) / 2, as it changes by no more than the way.
+    def far_off(self) -> tuple[FloatArray, IntArray]:
+        """How far off what is held each collider is at least [m], shape (C,), and at which sample, shape (C,).
+
+        That is found for bones with many colliders, by balls around these; of the others nothing is known (-inf).
         """
-        name = self.scene.colliders[c].bone
-        own = len(self.scene.bones) if name is None else self.scene.bones.index(name)
+        balls = self.scene.enclosing
+        away, at = np.full(len(balls.radii), -np.inf), np.zeros(len(balls.radii), dtype=np.int64)
+        for own in np.flatnonzero(np.bincount(balls.bones) > MANY).tolist():
+            rows = np.flatnonzero((balls.bones == own) & np.isfinite(balls.radii))
+            places, slack = self._seen_from(own)
+            found, nearest = _nearest(places.reshape(-1, 3), balls.centers[rows])
+            away[rows] = found - balls.radii[rows] - slack.max(initial=0.0)
+            at[rows] = nearest // places.shape[1]
+        return away, at
+
+    def _seen_from(self, own: int) -> tuple[FloatArray, FloatArray]:
+        """Places of what is held in a bone's frame at the samples [m], (S, n, 3), and by how much less than the mean of
+        its distances there a distance can be until the next sample [m], (S - 1, n).
+
+        Between samples a bone's origin moves in a straight line and the bone turns at a constant rate. In the other
+        bone's frame a held point p then leaves the straight line between its places q at both samples by at most
+        max |q''| / 8, where q = Rc^-1 (L + Rb p) and L is the way from the one bone's origin to the other's.
+        """
         origins, turns = self.positions[:, self.bones], self.rotations[:, self.bones]
         to_frame = quaternions.conjugate(self.rotations[:, own : own + 1])
         apart = origins - self.positions[:, own : own + 1]
         places = quaternions.rotate(to_frame, apart + quaternions.rotate(turns, self.points))
-        distances = signed_distance(self.scene.colliders[c], places.reshape(-1, 3)).reshape(places.shape[:2])
-
         turned, own_turn = _angles(turns), _angles(self.rotations[:, own : own + 1])
         length = np.linalg.norm(apart, axis=2)
         bend = own_turn**2 * np.maximum(length[1:], length[:-1])
@@ -208,7 +240,15 @@ class _Held:
         bend += (own_turn + turned) ** 2 * np.linalg.norm(self.points, axis=2).max(axis=0)
         bend[:, self.bones == own] = 0.0
         ways = np.linalg.norm(np.diff(places, axis=0), axis=2)
-        return distances, (distances[1:] + distances[:-1] - ways) / 2.0 - bend / 8.0
+        return places, ways / 2.0 + bend / 8.0
+
+
+def _nearest(points: FloatArray, places: FloatArray) -> tuple[FloatArray, IntArray]:
+    """How far from each of n places the nearest of some points is [m], shape (n,), and which it is, shape (n,)."""
+    from scipy.spatial import KDTree
+
+    found, nearest = KDTree(points).query(places)
+    return np.asarray(found), np.asarray(nearest, dtype=np.int64)
 
 
 def _off_heaviest(attached: Attached, points: FloatArray, poses: list[Pose]) -> FloatArray:
@@ -248,8 +288,3 @@ def _angles(rotations: FloatArray) -> FloatArray:
     """Angles between successive rotations (S, ..., 4) [rad], shape (S - 1, ...)."""
     turns = quaternions.multiply(rotations[1:], quaternions.conjugate(rotations[:-1]))
     return np.linalg.norm(quaternions.to_rotation_vector(turns), axis=-1)
-
-
-def _thickness(scene: Scene, c: int) -> float:
-    own = scene.colliders[c].thickness
-    return scene.thickness if own is None else own

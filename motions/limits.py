@@ -12,10 +12,10 @@ SLOWEST, FASTEST = 5.0, 1000.0
 LARGEST_MARKUP = 2**23
 """Bytes of a file of solids (TOML) or of a robot (URDF): those are read at a megabyte a second, into fifty times the
 memory."""
-LARGEST_MESH = 2**24
-"""Bytes of a link's mesh: 330,000 triangles as STL, which hitboxes are fitted to in ten seconds."""
-MOST_COLLIDERS = 20_000
-"""In a scene or a file: each takes a millisecond a frame to find out whether the cloth can reach it."""
+LARGEST_MESH = 2**27
+"""Bytes of a link's mesh, which is thinned when it has more than some: 2.6 million triangles as STL."""
+MOST_COLLIDERS = 100_000
+"""In a scene or a file: each takes some microseconds a frame until it is known how deep the cloth is in it."""
 MOST_DRAWN = 2_000
 """Colliders that are no capsules in a recording, of each two entities: the viewer's files hold some 10,000."""
 MOST_CLOTH_VERTICES = 50_000

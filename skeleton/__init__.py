@@ -9,7 +9,7 @@ from skeleton.robot.collision_geometry import add_to_geometry_model
 from skeleton.robot.configurations import column_names, load_configurations
 from skeleton.robot.hitboxes import Hitboxes, hitboxes_of, load_hitboxes
 from skeleton.robot.kept_fits import kept_hitboxes_of
-from skeleton.robot.link_surfaces import LinkSurface, link_surfaces, missing_meshes
+from skeleton.robot.meshes.link_surfaces import LinkSurface, link_surfaces, missing_meshes
 from skeleton.robot_motion import RobotMotion
 from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Hang a simulated cape on a selected armature.
 
-This file is a Blender add-on on its own: install it by Edit > Preferences > Add-ons > Install from Disk. It writes the
+This file is a Blender add-on on its own: install it by Edit > Preferences > Add-ons > Install. It writes the
 motion of the armature as BVH, calls the command `cape`, which need not be in Blender's Python, and brings the cloth
 back as a mesh that a point cache moves. The panel is in the sidebar (N) of the 3D viewport, tab Cape.
 """
@@ -27,7 +27,7 @@ bl_info = {
     "name": "Cape",
     "author": "the authors of cape",
     "version": (0, 1, 0),
-    "blender": (4, 2, 0),
+    "blender": (3, 4, 0),
     "location": "3D viewport > Sidebar > Cape",
     "description": "Hang a simulated cape on the selected armature",
     "category": "Animation",
@@ -278,8 +278,10 @@ def bring(scene, run, facts):
     if old is not None and old.modifiers.get("Cape") is not None:
         bpy.data.objects.remove(old)
     before = set(bpy.data.objects)
+    options = {"forward_axis": "NEGATIVE_Z", "up_axis": "Y", "use_split_objects": False}
+    known = bpy.ops.wm.obj_import.get_rna_type().properties.keys()  # before 4.0 not all
     bpy.ops.wm.obj_import(
-        filepath=str(run.cache.with_suffix(".obj")), forward_axis="NEGATIVE_Z", up_axis="Y", use_split_objects=False
+        filepath=str(run.cache.with_suffix(".obj")), **{name: options[name] for name in options if name in known}
     )
     made = [each for each in bpy.data.objects if each not in before]
     if len(made) != 1:

@@ -209,17 +209,18 @@ def _lift(scene: Scene, pose: Pose, neckline: FloatArray) -> FloatArray:
 
 def _touches(scene: Scene, pose: Pose, points: FloatArray) -> bool:
     """Tell whether one of the points in the world [m], shape (n, 3), is within the scene's thickness of a collider."""
-    return any((distances < scene.thickness).any() for distances in _distances(scene, pose, points))
+    return any((distances < scene.thickness).any() for distances in _distances(scene, pose, points, scene.thickness))
 
 
 def depth_in_colliders(scene: Scene, pose: Pose, points: FloatArray) -> float:
     """How deep the deepest of some points in the world [m], shape (n, 3), is in any collider [m], zero outside."""
-    return max((0.0, *(-float(distances.min()) for distances in _distances(scene, pose, points))))
+    return max((0.0, *(-float(distances.min()) for distances in _distances(scene, pose, points, 0.0))))
 
 
-def _distances(scene: Scene, pose: Pose, points: FloatArray) -> Iterator[FloatArray]:
-    """Of points in the world [m], shape (n, 3), from each collider [m], negative within, shape (n,)."""
-    return (distances_from(collider, scene, pose, points) for collider in scene.colliders)
+def _distances(scene: Scene, pose: Pose, points: FloatArray, within: float) -> Iterator[FloatArray]:
+    """Of points in the world [m], (n, 3), from each collider that may be so near [m], negative within, shape (n,)."""
+    near = scene.enclosing.near(pose, points, within)
+    return (distances_from(scene.colliders[c], scene, pose, points) for c in near)
 
 
 def distances_from(collider: Collider, scene: Scene, pose: Pose, points: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """A body that a garment is fitted to: its surface in the wearer's frame, arms lowered, and where a collar lies."""
 
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 FINE = 0.002  # m between heights and widths that are tried
+STRIDE = 6  # of these widths, at first: what is clear is so over more
 NEAR = 0.0002  # m from the way out of a body, at which it is found
 HIGHEST, LOWEST = 0.09, -0.04  # of the body's height above the shoulder joints: where a collar may lie
 TALLEST = 0.16  # the same on a trunk that goes on above the shoulders, as a robot's
@@ -147,6 +148,11 @@ class Fitted:
         return quaternions.rotate(quaternions.conjugate(rotations[0]), points - origins[0])
 
     @cached_property
+    def _bone_axes(self) -> FloatArray:
+        """Rotations bone_to_world as matrices, shape (B, 3, 3)."""
+        return quaternions.to_matrix(self._rest.rotations_wxyz)
+
+    @cached_property
     def _balls(self) -> tuple[FloatArray, FloatArray]:
         """A ball around each collider: its middle [m], shape (C, 3), and its radius [m], shape (C,)."""
         middles, radii = np.zeros((len(self._solids), 3)), np.full(len(self._solids), np.inf)
@@ -187,8 +193,7 @@ class Fitted:
             bone = self.bone(name)
             if (counted is not None and bone not in counted) or (skipped is not None and bone in skipped):
                 continue
-            turn = quaternions.conjugate(self._rest.rotations_wxyz[bone])
-            in_bone = quaternions.rotate(turn, places - self._rest.positions[bone])
+            in_bone = (places - self._rest.positions[bone]) @ self._bone_axes[bone]
             least = np.minimum(least, signed_distance(collider, in_bone))
         return least.reshape(points.shape[:-1])
 
@@ -235,12 +240,13 @@ class Fitted:
         Raises:
             ValueRangeError: what surrounds the neck is too thick.
         """
+        radii = np.arange(NARROWEST * self.height, WIDEST * self.height, FINE)
         for highest in (HIGHEST, TALLEST):
             heights = np.arange(0.0, highest, FINE / self.height) * self.height
-            for radius in np.arange(NARROWEST * self.height, WIDEST * self.height, FINE):
-                clear = self._clear_heights(radius, heights, clearance)
-                if len(clear):
-                    return float(radius), float(clear[0])
+            clear = partial(self._clear_heights, heights=heights, clearance=clearance)
+            radius = _first(radii, clear)
+            if radius is not None:
+                return radius, float(clear(radius)[0])
         raise ValueRangeError(f"no collar of less than {WIDEST * self.height:.2f} m clears the neck")
 
     def girth(self, clearance: float) -> float:
@@ -250,9 +256,10 @@ class Fitted:
             ValueRangeError: the arms stand too far off.
         """
         heights = np.linspace(-UPPER_ARM * self.height, 0.0, 24)
-        for radius in np.arange(WIDEST * self.height, BROADEST * self.height, FINE):
-            if len(self._clear_heights(radius, heights, clearance)) == len(heights):
-                return float(radius)
+        radii = np.arange(WIDEST * self.height, BROADEST * self.height, FINE)
+        radius = _first(radii, partial(self._clear_heights, heights=heights, clearance=clearance), least=len(heights))
+        if radius is not None:
+            return radius
         raise ValueRangeError(f"no ring of less than {BROADEST * self.height:.2f} m slips over the shoulders")
 
     def lie_on(self, radius: float, angles: FloatArray, clearance: float, start: FloatArray) -> FloatArray:
@@ -284,6 +291,22 @@ class Fitted:
         x, y = self.neck[0] - radius * np.cos(angles), radius * np.sin(angles)
         ring = np.stack(np.broadcast_arrays(x[:, None], y[:, None], heights), axis=-1)
         return self.distances(ring, within=clearance) >= clearance
+
+
+def _first(radii: FloatArray, clear: Callable[[float], FloatArray], *, least: int = 1) -> float | None:
+    """The least of some growing radii that is clear at so many heights, None where none is.
+
+    One in `STRIDE` is tried, and those before the first that is; all others only where none of these is.
+    """
+
+    def is_clear(k: int) -> bool:
+        return len(clear(float(radii[k]))) >= least
+
+    tried = np.arange(0, len(radii), STRIDE)
+    found = next((k for k in tried.tolist() if is_clear(k)), None)
+    near = np.setdiff1d(np.arange(len(radii)), tried) if found is None else np.arange(max(found - STRIDE + 1, 0), found)
+    closer = next((k for k in near.tolist() if is_clear(k)), found)
+    return None if closer is None else float(radii[closer])
 
 
 def room_between(spacing: float, height: float) -> float:

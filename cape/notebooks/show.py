@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from cape.record.write import recording_of
 from motions.errors import UserError
 from motions.skin import Skin
-from skeleton.robot.link_surfaces import LinkSurface
+from skeleton.robot.meshes.link_surfaces import LinkSurface
 
 if TYPE_CHECKING:
     from cape.results.take import Take

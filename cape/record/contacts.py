@@ -21,6 +21,7 @@ ARROW_LENGTH, ARROW_RADIUS = 0.05, 0.0015  # [m]
 ARROW_COLOR = (235, 235, 235)
 TOUCHING_COLOR, PRESSED_COLOR, INSIDE_COLOR = (60, 220, 110), (255, 215, 60), (255, 40, 70)
 BYTES_PER_CONTACT = 42  # in the recording
+OTHERS = 2**16 - 1  # the last class that Rerun has a number for: of all colliders from there on
 
 
 def log_contacts(
@@ -32,11 +33,13 @@ def log_contacts(
     *,
     path: str = "/world/contacts",
 ) -> None:
-    """Put points on `/points` below the path, their class the collider, and normals on `/normals`."""
+    """Put points on `/points` below the path, their class the collider up to `OTHERS`, and normals on `/normals`."""
     import rerun as rr
 
     if frames.begins:
-        names = [rr.AnnotationInfo(id=index, label=collider.name) for index, collider in enumerate(colliders)]
+        names = [rr.AnnotationInfo(id=k, label=collider.name) for k, collider in enumerate(colliders[:OTHERS])]
+        if len(colliders) > OTHERS:
+            names.append(rr.AnnotationInfo(id=OTHERS, label="another collider"))
         send_once(stream, path, rr.AnnotationContext(names))
         points = rr.Points3D.from_fields(radii=rr.Radius.ui_points(POINT_SIZE), show_labels=False)
         send_once(stream, f"{path}/points", points)
@@ -46,7 +49,11 @@ def log_contacts(
     for block in frames.blocks(size):
         some = contacts.select(frames.numbers[block])
         colors = depth_colors(some.depths, thicknesses[some.colliders])
-        points = {"positions": some.points, "colors": colors, "class_ids": some.colliders.astype(np.uint16)}
+        points = {
+            "positions": some.points,
+            "colors": colors,
+            "class_ids": np.minimum(some.colliders, OTHERS).astype(np.uint16),
+        }
         frames.send(stream, f"{path}/points", rr.Points3D, points, block=block, counts=some.counts)
         normals = {"origins": some.points, "vectors": ARROW_LENGTH * some.normals}
         frames.send(stream, f"{path}/normals", rr.Arrows3D, normals, block=block, counts=some.counts)

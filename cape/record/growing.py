@@ -38,7 +38,7 @@ from cape.results.take import Take
 from cape.scene.scene import Scene
 from motions.errors import FileError
 from motions.skin import Skin
-from skeleton.robot.link_surfaces import LinkSurface
+from skeleton.robot.meshes.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
 
 if TYPE_CHECKING:

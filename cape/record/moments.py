@@ -28,7 +28,7 @@ from cape.scene.colliders import Collider, Plane
 from cape.scene.floor import floor_under
 from motions import quaternions
 from motions.skin import Skin
-from skeleton.robot.link_surfaces import LinkSurface
+from skeleton.robot.meshes.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack, worn_by
 
 if TYPE_CHECKING:

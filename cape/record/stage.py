@@ -17,7 +17,7 @@ from cape.scene.floor import floor_under
 from cape.scene.loops import Travel
 from motions import quaternions
 from motions.skin import Skin
-from skeleton.robot.link_surfaces import LinkSurface
+from skeleton.robot.meshes.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
 
 if TYPE_CHECKING:

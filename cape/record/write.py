@@ -31,7 +31,7 @@ from cape.scene.loops import Travel
 from cape.scene.scene import Scene
 from motions.errors import ValueRangeError, require_package
 from motions.skin import Skin
-from skeleton.robot.link_surfaces import LinkSurface
+from skeleton.robot.meshes.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
 
 if TYPE_CHECKING:

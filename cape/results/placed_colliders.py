@@ -4,6 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.results.take import Take
+from cape.scene.enclosing import Enclosing
+from cape.scene.poses import Pose, read_pose
 from motions import quaternions
 from skeleton.shapes import require_known
 from skeleton.solid_measures import signed_distance
@@ -25,11 +27,14 @@ class PlacedColliders:
         self._margin = margin
         track = take.bones
         self._solids = take.colliders
-        bones = [None if c.bone is None else track.index(c.bone) for c in take.colliders]
-        self._places = [
-            None if b is None else (track.positions[:, b], quaternions.to_matrix(track.rotations_wxyz[:, b]))
-            for b in bones
-        ]
+        self._track, self._bones = track, tuple(dict.fromkeys(c.bone for c in take.colliders if c.bone is not None))
+        self._numbers = [track.index(bone) for bone in self._bones]
+        placed = {
+            bone: (track.positions[:, b], quaternions.to_matrix(track.rotations_wxyz[:, b]))
+            for bone, b in zip(self._bones, self._numbers, strict=True)
+        }
+        self._places = [None if c.bone is None else placed[c.bone] for c in take.colliders]
+        self._enclosing = Enclosing.of(take.colliders, self._bones)
 
     def in_bone(self, collider: int, frame: int | IntArray, points: FloatArray) -> FloatArray:
         """Bring points in the world (N, 3) [m], at a frame or one each, into the frame of the collider's bone."""
@@ -49,4 +54,6 @@ class PlacedColliders:
         """Colliders that touch the sphere around all points."""
         middle = points.mean(axis=0)
         reach = float(np.linalg.norm(points - middle, axis=1).max())
-        return [c for c in range(len(self._solids)) if self.depth(c, frame, middle[None])[0] > -reach]
+        chosen = self._track.positions[frame, self._numbers], self._track.rotations_wxyz[frame, self._numbers]
+        near = self._enclosing.near(read_pose(Pose(*chosen), self._bones), points, self._margin)
+        return [int(c) for c in near if self.depth(c, frame, middle[None])[0] > -reach]

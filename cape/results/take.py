@@ -17,7 +17,7 @@ from cape.scene.colliders import Collider
 from cape.scene.scene import Scene
 from motions.border import checked
 from motions.skin import Skin
-from skeleton.robot.link_surfaces import LinkSurface
+from skeleton.robot.meshes.link_surfaces import LinkSurface
 from skeleton.shapes import Capsule
 from skeleton.track import BoneTrack
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cape.air.wind import Wind
 from cape.cloth.cloth import Cloth
 from cape.scene.colliders import Collider
+from cape.scene.enclosing import Enclosing
 from cape.scene.holding.attachments import Attachment
 from cape.scene.holding.confinement import Confinement
 from cape.scene.holding.tethers import Tethers
@@ -108,6 +109,11 @@ class Scene:
         if self.cloth.frame == "wearer":
             used += self.wearer
         return tuple(dict.fromkeys(used))
+
+    @cached_property
+    def enclosing(self) -> Enclosing:
+        """Balls around the colliders."""
+        return Enclosing.of(self.colliders, self.bones)
 
 
 def _require_of(cloth: Cloth, attachment: Attachment) -> None:

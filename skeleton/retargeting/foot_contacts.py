@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from motions import quaternions
 from skeleton import proportions
 from skeleton.model import Skeleton
-from skeleton.robot.link_surfaces import link_surfaces
+from skeleton.robot.meshes.link_surfaces import link_surfaces
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -23,7 +23,7 @@ from motions.errors import FileError
 from motions.files import write_text
 from skeleton.model import Skeleton
 from skeleton.robot.hitboxes import Hitboxes, Kind, Quality, hitboxes_of, load_hitboxes
-from skeleton.robot.link_surfaces import link_surfaces
+from skeleton.robot.meshes.link_surfaces import link_surfaces
 
 _PACKAGE = Path(__file__).parents[1]
 _COMPUTED_WITH = ("numpy", "scipy", "trimesh", "coal")

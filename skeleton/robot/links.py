@@ -14,7 +14,7 @@ from motions.errors import FileError, UnknownNameError
 from skeleton.model import Skeleton
 from skeleton.rest import NEXT_ROLE
 from skeleton.robot.capsule_fitting import hull_volume, surface_points
-from skeleton.robot.link_surfaces import Kind, LinkSurface, link_surfaces
+from skeleton.robot.meshes.link_surfaces import Kind, LinkSurface, link_surfaces
 from skeleton.shapes import Box, Capsule, Sphere
 from skeleton.skinned.surfaces import bone_surfaces, joined
 

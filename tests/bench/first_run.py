@@ -3,8 +3,8 @@
     python -m tests.bench.first_run [CHECKOUT ...] [--repeats 3] [--only WORD]
 
 Each checkout, this one if none is named, is run in turn in new processes, by this Python, with a folder of compiled
-code of its own. CPU seconds are of all processes; what is spent on compiling is what a run takes beyond one that finds
-everything compiled. Wall times are the least of the repeats.
+code of its own; one that has no such option says so. CPU seconds are of all processes; what is spent on compiling is
+what a run takes beyond one that finds everything compiled. Wall times are the least of the repeats.
 """
 
 import argparse
@@ -134,7 +134,11 @@ def main() -> None:
         if given.only not in run.name:
             continue
         for checkout in given.checkouts:
-            first, second = measure(checkout.resolve(), run, named.get(run.after or ""), given.repeats)
+            try:
+                first, second = measure(checkout.resolve(), run, named.get(run.after or ""), given.repeats)
+            except RuntimeError as error:
+                print(f"| {run.name} | {checkout} | {' '.join(str(error).split())[-100:]} | | |", flush=True)
+                continue
             print(
                 f"| {run.name} | {checkout} | {first.wall:.1f} | {first.cpu - second.cpu:.1f} | {second.wall:.2f} |",
                 flush=True,

@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy as np
 import cape
 import motions
 import skeleton
+from cape.reach import reach_of
 from motions.errors import UserError
 from skeleton.robot.solid_files import read_solids
 from tests.support.processes import python_within
@@ -29,11 +31,14 @@ ROWS = 708  # of squares along each side of a mesh of a million triangles
 
 
 def colliders(_: Path) -> Callable[[], object]:
-    """100,000 balls around a sheet."""
-    sheet = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.1)
-    places = np.random.default_rng(0).uniform(-30.0, 30.0, (100_000, 3))
+    """100,000 balls about the walk, and which of them its cape can reach."""
+    clip = motions.load("walk")
+    body = skeleton.Skeleton.from_clip(clip)
+    track = body.track(clip)
+    scene = cape.dress(body, track)
+    places = np.random.default_rng(0).uniform(-30.0, 30.0, (100_000 - len(scene.colliders), 3))
     balls = [cape.Sphere(name=f"{k}", bone=None, center=place, radius=0.1) for k, place in enumerate(places)]
-    return lambda: cape.Scene(sheet, colliders=balls)
+    return lambda: reach_of(replace(scene, colliders=(*scene.colliders, *balls)), track)
 
 
 def configurations(folder: Path) -> Callable[[], object]:

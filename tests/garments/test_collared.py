@@ -2,18 +2,20 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import cape
 import motions
 from cape.assembly.springs import springs_of
 from cape.cloth.cloth import GridCloth
-from cape.garments.fitting import Fitted
+from cape.garments.fitting import STRIDE, Fitted, _first
 from cape.garments.registry import GARMENTS
 from cape.kernels.contact.contact import EXIT
 from cape.measure.self_crossings import self_crossings
 from motions import quaternions
 from motions.errors import UnknownNameError, ValueRangeError
-from skeleton import Skeleton
+from skeleton import Capsule, Skeleton
 from skeleton.solid_measures import signed_distance
 from skeleton.straight_limbs import AWAY, lower_arms
 
@@ -108,6 +110,29 @@ def test_a_ring_is_let_down_onto_a_ball(walker):
     found = fitted.lie_on(radius, angles, 0.01, np.full(40, top.max() + 0.02))
     # Heights are tried 2 mm apart, and the lowest clear one is taken.
     assert ((found >= top - 1e-12) & (found < top + 0.002 + 1e-12)).all()
+
+
+def test_rings_are_the_narrowest_of_all_that_are_tried(walker, monkeypatch: pytest.MonkeyPatch):
+    """Around the walker's neck, and around a thicker one."""
+    body, _ = walker
+    thick, solids_of = Capsule("neck", "Neck", np.zeros(3), np.array([0.0, 0.3, 0.0]), 0.08), body.capsules()
+    for solids in (solids_of, [*solids_of, thick]):
+        found = {}
+        for stride in (1, STRIDE):
+            monkeypatch.setattr("cape.garments.fitting.STRIDE", stride)
+            fitted = Fitted(body, solids)
+            found[stride] = fitted.collar(0.02), fitted.girth(0.02)
+        assert found[1] == found[STRIDE]
+
+
+@given(st.integers(1, 60), st.data())
+def test_the_least_radius_that_is_clear_is_found_wherever_it_is(count: int, data: st.DataObject):
+    radii = np.linspace(0.05, 0.3, count)
+    first, width = data.draw(st.integers(0, count)), data.draw(st.integers(1, count))
+    free = set(range(first, min(first + width, count)))
+    index = {float(radius): k for k, radius in enumerate(radii)}
+    found = _first(radii, lambda radius: np.zeros(3 if index[radius] in free else 2), least=3)
+    assert found == (float(radii[first]) if free else None)
 
 
 @pytest.mark.parametrize("name", COLLARED)

@@ -14,7 +14,7 @@ from cape.live.error_watch import FRAMES, ErrorWatch
 from cape.live.holds import corners, let_go, rim, tear_path
 from cape.live.live import Live
 from cape.live.pace.falling_behind import LOOKED_AT
-from cape.live.pace.savings import Savings
+from cape.live.pace.savings import IN_TIME, Savings
 from cape.live.page.orders import obey, orders_of
 from cape.live.rig import Rig
 from cape.live.sources import FASTEST, Hands, ToldSource, TrackSource
@@ -194,6 +194,9 @@ def test_what_is_too_slow_is_given_up_and_taken_back_in_order_without_waiting():
     assert frames(4.0, LOOKED_AT + 1) == ["xpbd in 20", "xpbd in 10"]
     assert frames(8.0, 1000) == ["xpbd in 10"]
     assert saved.told(0.8) == "xpbd in 10, slower than real time"
+    # Where the rate goes up and down about that, the line stays as it is.
+    assert {saved.told(rate) for rate in (1.0, 0.96, 1.0, 1.0) * IN_TIME} == {"xpbd in 10, slower than real time"}
+    assert [saved.told(1.0) for _ in range(IN_TIME)][-1] == "xpbd in 10"
     assert frames(1.0, 1000) == ["xpbd in 10", "xpbd in 20", ""]
     assert rig.simulation is first
     assert rig.solver == euler

@@ -392,6 +392,21 @@ def test_contacts_are_those_of_each_frame(saved: Recording, take: Take):
     assert (colors[contacts.depths <= 0] == _rgba(TOUCHING_COLOR)).all()
 
 
+def test_colliders_beyond_the_last_class_share_it(tmp_path: Path, take: Take, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("cape.record.contacts.OTHERS", 2)
+    take.save(tmp_path / "few.rrd")
+    contacts = take.contacts
+    assert contacts is not None
+    saved = Recording(tmp_path / "few.rrd")
+    ids = [v for row in saved.column("/world/contacts/points", "Points3D:class_ids") for v in row.as_py()]
+    assert ids == np.minimum(contacts.colliders, 2).tolist()
+    assert max(contacts.colliders) > 2
+    (names,) = saved.column("/world/contacts", "AnnotationContext:context", static=True)
+    (context,) = names.as_py()
+    labels = [entry["class_description"]["info"]["label"] for entry in context]
+    assert labels == [*(collider.name for collider in take.colliders[:2]), "another collider"]
+
+
 def test_a_take_without_contacts_has_none_to_record(tmp_path: Path, take: Take):
     replace(take, contacts=None).save(tmp_path / "none.rrd")
     assert not any("contacts" in entity for entity in Recording(tmp_path / "none.rrd").entities)

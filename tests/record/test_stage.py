@@ -19,7 +19,7 @@ from cape.record.stage import (
 from cape.scene.colliders import Plane
 from cape.scene.loops import Travel
 from motions import quaternions
-from skeleton.robot.link_surfaces import LinkSurface
+from skeleton.robot.meshes.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
 
 

@@ -15,8 +15,8 @@ TABLE = '[[solid]]\nname = "{}"\nkind = "sphere"\ncenter = [0.0, 0.0, 0.0]\nradi
 
 
 def test_colliders_beyond_the_limit_are_refused_by_a_scene_and_by_a_file(tmp_path, monkeypatch: pytest.MonkeyPatch):
-    with pytest.raises(ValueRangeError, match=f"at most {MOST_COLLIDERS} colliders, not 100000"):
-        cape.Scene(SHEET, colliders=[BALL] * 100_000)
+    with pytest.raises(ValueRangeError, match=f"at most {MOST_COLLIDERS} colliders, not 100001"):
+        cape.Scene(SHEET, colliders=[BALL] * 100_001)
     monkeypatch.setattr("skeleton.robot.solid_files.MOST_COLLIDERS", 4)
     path = tmp_path / "solids.toml"
     path.write_text("".join(TABLE.format(k) for k in range(4)))

@@ -227,6 +227,33 @@ def test_places_that_stand_for_many_reach_as_far_as_all(seed, monkeypatch):
         assert gaps[100][collider.name] - 0.7 < gaps[1][collider.name] <= gaps[100][collider.name] + 1e-12
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_many_colliders_are_left_out_by_balls_around_them(seed, monkeypatch):
+    """In fields of them on both bones and in the world; the strip is held inside of some, and so reaches farther."""
+    rng = np.random.default_rng(seed)
+    track = tumbling(rng)
+    cloth = chain(origin=track.positions[0, 0])
+    colliders = [any_collider(rng, f"c{k}", [None, "hand", "foe"][k % 3]) for k in range(90)]
+    colliders += [
+        cape.Sphere(name=f"far {k}", bone=[None, "hand", "foe"][k % 3], center=rng.uniform(-30.0, 30.0, 3), radius=0.1)
+        for k in range(90)
+    ]
+    scene = cape.Scene(cloth, [cape.attach(cloth, "hand", [0, 1])], colliders)
+    found = {}
+    for many in (1, 1000):
+        monkeypatch.setattr("cape.reach.MANY", many)
+        found[many] = reach_of(scene, track)
+    by_balls, by_all = found[1], found[1000]
+    assert by_balls.radius == pytest.approx(by_all.radius, abs=1e-12)
+    for collider in colliders:
+        name = collider.name
+        assert by_balls.gaps[name] <= by_all.gaps[name] + 1e-9
+        if name in by_balls.kept:
+            assert by_balls.gaps[name] == pytest.approx(by_all.gaps[name], abs=1e-9)
+            assert by_balls.frames[name] == by_all.frames[name]
+    assert sum(name.startswith("far") for name in by_balls.left_out) > 70
+
+
 def test_a_jump_that_parts_what_holds_a_cloth_lets_it_reach_further():
     """Two bones leap a metre up and 0.4 m apart; the cloth comes along as it is, 0.2 m off where each holds it."""
     cloth = grid_cloth(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 0.5, 5), cape.Fabric())

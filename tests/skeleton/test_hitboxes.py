@@ -18,8 +18,8 @@ from motions import quaternions
 from motions.errors import FileError, UnknownNameError, ValueRangeError
 from skeleton import ROBOTS, Capsule, Hitboxes, Skeleton, add_to_geometry_model, hitboxes_of, load_hitboxes
 from skeleton.robot.hitboxes import INSIDE
-from skeleton.robot.link_surfaces import Kind, LinkSurface, geometry_model, link_surfaces
 from skeleton.robot.links import in_neutral_pose
+from skeleton.robot.meshes.link_surfaces import Kind, LinkSurface, geometry_model, link_surfaces
 from skeleton.robot.solid_files import read_solids
 from skeleton.shapes import Box, Cylinder, Ellipsoid, Plane, Shape, Sphere, TaperedCapsule
 from skeleton.solid_measures import signed_distance, volume

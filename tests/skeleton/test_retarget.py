@@ -26,7 +26,7 @@ from skeleton.retargeting.arm_avoidance import Apart
 from skeleton.retargeting.inverse_kinematics import FASTEST, Followed
 from skeleton.retargeting.retarget import _lifted
 from skeleton.retargeting.scaled_source import bent_joint
-from skeleton.robot.link_surfaces import link_surfaces
+from skeleton.robot.meshes.link_surfaces import link_surfaces
 from tests.skeleton.robots import fitted_hitboxes
 
 SIDES = ("left", "right")

@@ -13,7 +13,7 @@ from motions import quaternions
 from motions.conventions import to_z_up
 from motions.errors import FileError, UserError, ValueRangeError
 from skeleton import ROBOTS, RobotMotion, Skeleton, column_names, link_surfaces, load_configurations, missing_meshes
-from skeleton.robot.link_surfaces import collada_up, geometry_model
+from skeleton.robot.meshes.link_surfaces import collada_up, geometry_model
 from skeleton.shapes import Box, Capsule, Sphere
 from skeleton.urdf.mimics import followed
 
@@ -407,7 +407,7 @@ def test_bones_are_where_the_files_origins_and_axes_take_them(name):
 
 
 def test_a_mesh_that_is_too_large_is_stood_in_for_and_most_of_them_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("skeleton.robot.missing_meshes.LARGEST_MESH", 2**20)
+    monkeypatch.setattr("skeleton.robot.meshes.missing_meshes.LARGEST_MESH", 2**20)
     (tmp_path / "large.stl").write_bytes(bytes(2**20 + 1))
     visual = '<visual><geometry><mesh filename="large.stl"/></geometry></visual>'
     ball = '<collision><geometry><sphere radius="0.25"/></geometry></collision>'

@@ -15,7 +15,7 @@ from cape.results.take import Take
 from cape.scene.scene import Scene
 from motions.errors import FileError, UserError
 from motions.skin import Skin
-from skeleton.robot.link_surfaces import LinkSurface
+from skeleton.robot.meshes.link_surfaces import LinkSurface
 from skeleton.track import worn_by
 
 RECORDED = ".rrd"

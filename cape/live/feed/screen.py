@@ -17,7 +17,7 @@ from cape.live.sources import dressed_in
 from cape.record.moments import Shown
 from motions.errors import UserError
 from motions.skin import Skin
-from skeleton.robot.link_surfaces import LinkSurface
+from skeleton.robot.meshes.link_surfaces import LinkSurface
 
 FloatArray = NDArray[np.float64]
 

@@ -9,7 +9,8 @@ from cape.scene.scene import Scene
 from cape.solvers import XPBD, Solver
 
 FEW = 10  # substeps a frame, from which on cloth under XPBD gets much softer than it should be
-SLOWER = 0.97  # of real time
+SLOWER = 0.97  # of real time, below which a run is said to be slower
+IN_TIME = 20  # looks in a row that find it faster than that, until it is no longer: else the line would flicker
 NEARLY = 0.5  # of a frame's time, from which on what may be needed is made ready
 CALM = 120  # frames after a change, before that is
 
@@ -26,6 +27,7 @@ class Savings:
         self._scene: Scene | None = None
         self._calm = 0
         self._ways: list[tuple[str, Solver]] = []
+        self._in_time = IN_TIME
 
     def note(self, seconds: float, period: float) -> None:
         """Take how long a frame has taken, of the time that there is for it [s]."""
@@ -55,10 +57,11 @@ class Savings:
             self._changes.make_ready(others[0])
 
     def told(self, rate: float) -> str:
-        """What is given up, at a rate of steps against the clock's; empty for nothing."""
+        """What is given up, at a rate of steps against the clock's, asked again and again; empty for nothing."""
         level = self._behind.level
         given = [self._ways[level - 1][0]] if level else []
-        if rate < SLOWER and (level == len(self._ways) or self._changes.pending):
+        self._in_time = 0 if rate < SLOWER else self._in_time + 1
+        if self._in_time < IN_TIME and (level == len(self._ways) or self._changes.pending):
             given.append("slower than real time")
         return ", ".join(given)
 

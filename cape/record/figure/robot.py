@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cape.record.frames import Frames, send_once
 from cape.record.poses import bone_poses, xyzw
-from skeleton.robot.link_surfaces import LinkSurface
+from skeleton.robot.meshes.link_surfaces import LinkSurface
 from skeleton.track import BoneTrack
 
 if TYPE_CHECKING:

@@ -34,6 +34,7 @@ import cape
 import motions
 import skeleton
 from cape.live.character import CharacterSource
+from cape.live.feed.sender import be_nice
 from cape.live.feed.viewers import LOOPBACK, free_port, program
 from cape.live.pace.pacing import Pacer
 
@@ -49,6 +50,7 @@ def viewer(port: int, *, draws: bool) -> subprocess.Popen[bytes]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
+    be_nice(process.pid)  # as the one that `cape live` starts
     time.sleep(5.0 if draws else 2.0)
     return process
 

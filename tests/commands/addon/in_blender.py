@@ -1,12 +1,14 @@
 """What runs in Blender's Python: the add-on is installed, capes are hung on armatures, and what is there then is told.
 
     python in_blender.py ADDON CLIP.bvh FOLDER
+    blender --background --python in_blender.py -- ADDON CLIP.bvh FOLDER
 
 Writes FOLDER/told.json, and a picture FOLDER/drawn.png.
 """
 
 # pyright: reportMissingImports=false
 
+import builtins
 import json
 import sys
 from pathlib import Path
@@ -77,7 +79,7 @@ def draw(armature, path: Path) -> None:
     for each in (camera, sun):
         scene.collection.objects.link(each)
     sun.data.energy, scene.camera = 4.0, camera
-    scene.render.engine, scene.cycles.samples = "CYCLES", 4
+    scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 4, False
     scene.render.resolution_x = scene.render.resolution_y = 160
     scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True)
@@ -117,4 +119,7 @@ def main(addon: Path, clip: Path, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:4]))
+    # Debian's 3.4 reads BVH in a mode that its own Python has no more.
+    plainly = builtins.open
+    builtins.open = lambda file, mode="r", *more, **options: plainly(file, mode.replace("U", ""), *more, **options)
+    main(*map(Path, sys.argv[-3:]))

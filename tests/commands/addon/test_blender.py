@@ -3,6 +3,7 @@
 import ast
 import json
 import os
+import shutil
 import struct
 import subprocess
 from pathlib import Path
@@ -19,6 +20,7 @@ from tests.support.processes import mistake_told
 
 BLENDER = Path(os.environ.get("CAPE_BLENDER", Path.home() / ".cache" / "cape-blender" / "bin" / "python"))
 GET = f"python3.11 -m venv {BLENDER.parents[1]} && {BLENDER} -m pip install bpy"
+OLD_GET = "apt-get install blender"
 HERE = Path(__file__).parent
 WITHIN = 1e-5  # m
 
@@ -36,15 +38,20 @@ def test_the_add_on_is_handed_out_with_the_command_that_it_is_to_call(forks: For
     assert "named *.py" in mistake_told(forks("addon", "-o", "hang.zip", folder=tmp_path))[1]
 
 
-@pytest.fixture(scope="module")
-def blender(tmp_path_factory) -> tuple[Path, dict]:
-    """The folder of what was made in Blender, and what it told."""
-    if not BLENDER.is_file():
+@pytest.fixture(scope="module", params=["package", "program"])
+def blender(request: pytest.FixtureRequest, tmp_path_factory) -> tuple[Path, dict]:
+    """The folder of what was made in Blender, and what it told: the newest there is, and the system's, often old."""
+    begin: list[str | Path] = [BLENDER, HERE / "in_blender.py"]
+    if request.param == "program":
+        begin = ["blender", "--background", "--factory-startup", "--python", HERE / "in_blender.py", "--"]
+        if shutil.which("blender") is None:
+            pytest.skip(f"needs Blender: {OLD_GET}")
+    elif not BLENDER.is_file():
         pytest.skip(f"needs Blender as a package: {GET}")
     folder = tmp_path_factory.mktemp("blender")
     assert cape("addon", folder=folder).returncode == 0
     done = subprocess.run(
-        [BLENDER, HERE / "in_blender.py", folder / "cape_blender.py", motions.clip_path("walk"), folder],
+        [*begin, folder / "cape_blender.py", motions.clip_path("walk"), folder],
         cwd=folder,
         env={**os.environ, "BLENDER_USER_RESOURCES": str(folder / "user")},
         capture_output=True,

@@ -1,5 +1,5 @@
-"""Meshes that a robot's file names and nobody has, or nobody can use: what stands in for them, so that one of them
-spoils nothing else."""
+"""Meshes that a robot's file names and nobody has, or nobody can use as they are: what stands in for them, so that one
+of them spoils nothing else."""
 
 import os
 import xml.etree.ElementTree as ElementTree
@@ -12,11 +12,12 @@ from urllib.parse import unquote
 from motions.errors import FileError
 from motions.files import printable
 from motions.limits import LARGEST_MESH
+from skeleton.robot.meshes.large_meshes import LARGE, THINNED, thinned
 from skeleton.urdf.reader import complete, read_urdf
 
 Kind = Literal["visual", "collision"]
 
-MISSING = "is missing"
+MISSING, UNREADABLE = "is missing", "can't be read"
 MOST_MISSING = 0.5  # share of a kind's pieces: beyond it the folders are wrong, and not a mesh
 
 
@@ -27,6 +28,7 @@ class Mended:
     Attributes:
         text: the file, None where it can stay as it is.
         missing: link and mesh of each that is missing or too large, and what stands in for it; none where too many are.
+            Those that were thinned are among them.
     """
 
     text: str | None
@@ -51,9 +53,18 @@ def mended(urdf: Path, folders: Sequence[str], kind: Kind) -> Mended:
     other: Kind = "collision" if kind == "visual" else "visual"
     told, pieces, large, renamed = [], 0, 0, complete(robot)
     lacks: dict[ElementTree.Element, str | None] = {}
+    thinner: dict[str, None] = {}
     for mesh in robot.iter("mesh"):
         place, is_named = _place(mesh.get("filename", ""), urdf, folders)
         lacks[mesh] = _lacking(place)
+        if place is not None and lacks[mesh] is None and _is_large(place):
+            try:
+                found, name = thinned(place), printable(mesh.get("filename", ""))
+            except FileError:
+                lacks[mesh] = UNREADABLE
+                continue
+            thinner[f"the mesh {name} has {found.before} triangles, and is thinned to {found.after}"] = None
+            place, is_named = found.path, False
         if place is not None and not is_named:
             mesh.set("filename", str(place))
             renamed = True
@@ -69,7 +80,7 @@ def mended(urdf: Path, folders: Sequence[str], kind: Kind) -> Mended:
             wrong, mesh = lacking(piece), piece.find("geometry/mesh")
             if mesh is None or wrong is None:
                 continue
-            large += wrong != MISSING
+            large += wrong not in (MISSING, UNREADABLE)
             stand_ins = [found for found in link.findall(other) if lacking(found) is None]
             link.remove(piece)
             for found in stand_ins:
@@ -81,16 +92,20 @@ def mended(urdf: Path, folders: Sequence[str], kind: Kind) -> Mended:
     if large > MOST_MISSING * pieces:
         raise FileError(f"{urdf}: {told[0].partition(':')[0]}; so are others: export them with fewer triangles")
     if not told or len(told) > MOST_MISSING * pieces:
-        return Mended(whole, ())
-    return Mended(ElementTree.tostring(robot, encoding="unicode"), tuple(told))
+        return Mended(whole, tuple(thinner))
+    return Mended(ElementTree.tostring(robot, encoding="unicode"), (*told, *thinner))
 
 
 def _lacking(place: Path | None) -> str | None:
     """What is wrong with a mesh at a place; None where nothing is."""
     if place is None:
         return MISSING
-    size = place.stat().st_size
-    return None if size <= LARGEST_MESH else f"has {size / 2**20:.0f} MB, more than {LARGEST_MESH / 2**20:.0f}"
+    size, most = place.stat().st_size, LARGEST_MESH if place.suffix.lower() in THINNED else LARGE
+    return None if size <= most else f"has {size / 2**20:.0f} MB, more than {most / 2**20:.0f}"
+
+
+def _is_large(place: Path) -> bool:
+    return place.suffix.lower() in THINNED and place.stat().st_size > LARGE
 
 
 def _place(name: str, urdf: Path, folders: Sequence[str]) -> tuple[Path | None, bool]:

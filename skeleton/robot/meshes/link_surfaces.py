@@ -19,7 +19,7 @@ from motions.border import checked
 from motions.conventions import to_z_up
 from motions.errors import FileError, ValueRangeError
 from skeleton.model import Skeleton
-from skeleton.robot.missing_meshes import Kind, mended
+from skeleton.robot.meshes.missing_meshes import Kind, mended
 from skeleton.shapes import Box, Capsule, Sphere
 
 if TYPE_CHECKING:
