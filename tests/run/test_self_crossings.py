@@ -42,7 +42,7 @@ def test_no_pair_is_missed_however_large_or_far_apart_triangles_are(seed: int, s
 
 def test_a_run_is_looked_through_without_scipy(monkeypatch: pytest.MonkeyPatch):
     """Importing it takes as long as the frames of a short run."""
-    monkeypatch.setitem(sys.modules, "scipy", None)
+    monkeypatch.setitem(sys.modules, "scipy.spatial", None)
     assert share_crossed(SHEET.positions[None], SHEET.triangles, most=1) == 0.0
 
 
