@@ -20,8 +20,7 @@ SCRIPTS = sorted((ROOT / "tests" / "examples").glob("[!_]*.py"))
 def outcome(forks: Forks, example: str, folder: Path) -> tuple[int, bool, bool]:
     """The status of an example, and if it printed anything and made a recording; its errors are printed."""
     shutil.copy(motions.clip_path("walk"), folder / "walk.bvh")
-    (folder / "example.py").write_text(example)
-    done = forks.script(folder / "example.py", folder=folder)
+    done = forks.script(example, folder=folder)
     print(done.stderr)
     return done.returncode, bool(done.stdout.strip()), (folder / "walk.rrd").exists()
 

@@ -53,7 +53,7 @@ class Forks:
 
     def __init__(self, folder: Path):
         """Printed text goes through files in the folder."""
-        self._printed = (folder / "stdout", folder / "stderr")
+        self._printed, self._script = (folder / "stdout", folder / "stderr"), folder / "script.py"
         self._process = subprocess.Popen(
             [sys.executable, "-P", __file__],
             # A fork has but the thread that forked.
@@ -71,10 +71,14 @@ class Forks:
 
     def __call__(self, *arguments: str | Path, folder: Path, **environment: str) -> Done:
         """Run the command in a folder."""
-        return self.script(CAPE, *arguments, folder=folder, **environment)
+        return self._run(CAPE, *arguments, folder=folder, **environment)
 
-    def script(self, path: Path, *arguments: str | Path, folder: Path, **environment: str) -> Done:
-        """Run a Python script in a folder; all but the command finds foreign packages imported, and none of ours."""
+    def script(self, code: str, *arguments: str | Path, folder: Path, **environment: str) -> Done:
+        """Run a Python script in a folder; it finds foreign packages imported, and none of ours."""
+        self._script.write_text(code)
+        return self._run(self._script, *arguments, folder=folder, **environment)
+
+    def _run(self, path: Path, *arguments: str | Path, folder: Path, **environment: str) -> Done:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         asked = [str(each) for each in (folder, *self._printed, path, *arguments)]
