@@ -79,8 +79,8 @@ def test_a_mistake_is_one_line_and_status_2(case: str, bare: Path, forks: Forks)
 
 @pytest.mark.few("asked0", "asked2")
 @pytest.mark.parametrize("asked", [["render", "bare.rrd"], ["render", "walk"], ["gallery", "-o", "pages"]])
-def test_without_vulkan_one_line_says_what_to_install(asked: list[str], bare: Path, forks: Forks):
-    done = forks(*asked, folder=bare, **WITHOUT_VULKAN)
+def test_without_vulkan_one_line_says_what_to_install(asked: list[str], bare: Path):
+    done = cape(*asked, folder=bare, timeout=60.0, **WITHOUT_VULKAN)
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr.splitlines() == ["cape: " + NO_GRAPHICS]

@@ -1,5 +1,6 @@
 """The installed command, as a user calls it: in a process of its own, or forked from one that has imported much."""
 
+import atexit
 import gc
 import json
 import os
@@ -7,6 +8,7 @@ import runpy
 import signal
 import subprocess
 import sys
+import threading
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
@@ -15,8 +17,8 @@ from typing import NamedTuple, Self
 
 CAPE = Path(sys.executable).with_name("cape")
 
-# What commands import, and foreign packages that are slow to import. A fork lacks the threads that rerun has started,
-# which serve catalogs alone: recordings are written and read without them.
+# What commands import, and foreign packages that are slow to import. Among them is rerun, whose threads talk to
+# viewers: a fork lacks them, and would break down the process that has them where it did so. Recordings do without.
 IMPORTED = (
     "cape.cli.app", "cape.cli.commands.replay", "cape.cli.figures.checking", "cape.record.growing", "cape.scenes",
     "attr", "numpy.fft", "numpy.ma", "numpy.random", "PIL.ExifTags", "PIL.Image", "pinocchio", "psutil", "pydoc",
@@ -49,7 +51,10 @@ class Done(NamedTuple):
 
 
 class Forks:
-    """Runs the installed script, or others, in forks of a process that has imported much: for runs that are many."""
+    """Runs the installed script, or others, in forks of a process that has imported much: for runs that are many.
+
+    None of them may talk to a viewer, as they do who draw pictures.
+    """
 
     def __init__(self, folder: Path):
         """Printed text goes through files in the folder."""
@@ -83,8 +88,9 @@ class Forks:
         assert self._process.stdout is not None
         asked = [str(each) for each in (folder, *self._printed, path, *arguments)]
         print(json.dumps([environment, *asked]), file=self._process.stdin, flush=True)
-        status = int(self._process.stdout.readline())
-        return Done(status, *(path.read_text() for path in self._printed))
+        status = self._process.stdout.readline()
+        assert status, f"what runs {arguments} has broken down: do they talk to a viewer?"
+        return Done(int(status), *(path.read_text() for path in self._printed))
 
 
 def _fork_for_each() -> None:
@@ -125,7 +131,19 @@ def _run(environment: dict[str, str], folder: str, stdout: str, stderr: str, *co
         os.dup2(file, stream)
         os.close(file)
     sys.argv = list(command)
-    runpy.run_path(command[0], run_name="__main__")
+    status = None
+    try:
+        runpy.run_path(command[0], run_name="__main__")
+    except SystemExit as end:
+        if isinstance(end.code, str):
+            raise
+        status = end.code
+    # All that is done where a process ends, but for taking apart what was imported, which takes a tenth of a second.
+    threading._shutdown()  # pyright: ignore[reportAttributeAccessIssue]
+    atexit._run_exitfuncs()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status or 0)
 
 
 if __name__ == "__main__":

@@ -86,7 +86,7 @@ def test_a_batch_outlives_what_is_killed_and_goes_on_where_it_was_interrupted(tm
 def test_a_run_is_the_same_as_a_replay_of_the_same_options(tmp_path: Path, forks: Forks):
     """The same bits: a batch adds nothing and leaves nothing out, and what is swept comes on top."""
     options = ("--end", "0.1", "--wind", "-3", "0", "0")
-    swept = forks("batch", "walk", "-o", "out", "--format=npz", "--sweep", "spacing=0.1", *options, folder=tmp_path)
+    swept = cape("batch", "walk", "-o", "out", "--format=npz", "--sweep", "spacing=0.1", *options, folder=tmp_path)
     assert swept.returncode == 0, swept.stderr
     alone = forks("replay", "walk", "-o", "alone.npz", "--spacing", "0.1", *options, folder=tmp_path)
     assert alone.returncode == 0, alone.stderr
