@@ -17,13 +17,12 @@ from typing import NamedTuple, Self
 
 CAPE = Path(sys.executable).with_name("cape")
 
-# What commands import, and foreign packages that are slow to import. Among them is rerun, whose threads talk to
-# viewers: a fork lacks them, and would break down the process that has them where it did so. Recordings do without.
+# What commands import, and foreign packages that are slow to import and start no threads, as rerun does: a fork that
+# talked to a viewer would have the threads of the process that it comes from break down.
 IMPORTED = (
     "cape.cli.app", "cape.cli.commands.replay", "cape.cli.figures.checking", "cape.record.growing", "cape.scenes",
     "attr", "numpy.fft", "numpy.ma", "numpy.random", "PIL.ExifTags", "PIL.Image", "pinocchio", "psutil", "pydoc",
-    "pydantic.fields", "pydantic.type_adapter", "pydantic.types", "rerun", "rich.progress", "rich.table",
-    "typer._adapters",
+    "pydantic.fields", "pydantic.type_adapter", "pydantic.types", "rich.progress", "rich.table", "typer._adapters",
 )  # fmt: skip
 OURS = ("cape", "skeleton", "motions")
 
@@ -51,10 +50,7 @@ class Done(NamedTuple):
 
 
 class Forks:
-    """Runs the installed script, or others, in forks of a process that has imported much: for runs that are many.
-
-    None of them may talk to a viewer, as they do who draw pictures.
-    """
+    """Runs the installed script, or others, in forks of a process that has imported much: for runs that are many."""
 
     def __init__(self, folder: Path):
         """Printed text goes through files in the folder."""
@@ -89,7 +85,7 @@ class Forks:
         asked = [str(each) for each in (folder, *self._printed, path, *arguments)]
         print(json.dumps([environment, *asked]), file=self._process.stdin, flush=True)
         status = self._process.stdout.readline()
-        assert status, f"what runs {arguments} has broken down: do they talk to a viewer?"
+        assert status, f"the process that is to fork for {arguments} has broken down"
         return Done(int(status), *(path.read_text() for path in self._printed))
 
 
