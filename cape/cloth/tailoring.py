@@ -217,11 +217,21 @@ def hull(points: FloatArray) -> FloatArray:
     Raises:
         ValueRangeError: they lie on a line.
     """
-    from scipy.spatial import ConvexHull
-
     if np.linalg.matrix_rank(points - points[:1], tol=1e-6) < 2:
         raise ValueRangeError("there is no body for a garment to go around")
-    return points[ConvexHull(points).vertices]
+    from_the_left = points[np.lexsort((points[:, 1], points[:, 0]))].tolist()
+    corners: list[list[float]] = []
+    for way in (from_the_left, from_the_left[::-1]):  # below, and back above
+        side: list[list[float]] = []
+        for x, y in way:
+            while len(side) > 1:
+                (ax, ay), (bx, by) = side[-2:]
+                if (bx - ax) * (y - ay) > (by - ay) * (x - ax):
+                    break
+                side.pop()
+            side.append([x, y])
+        corners += side[:-1]
+    return np.array(corners)
 
 
 def length_of(curve: FloatArray) -> float:

@@ -220,14 +220,19 @@ class Fitted:
             only: as of `distances`.
             without: as of `distances`.
         """
-        shape = np.broadcast_shapes(origins.shape, directions.shape)[:-1]
-        ways, nearing = np.full(shape, BROADEST * self.height), np.ones(shape, dtype=bool)
-        while nearing.any():
+        origins, directions = np.broadcast_arrays(origins, directions)
+        shape = origins.shape[:-1]
+        origins, directions = origins.reshape(-1, 3), directions.reshape(-1, 3)
+        ways = np.full(len(origins), BROADEST * self.height)
+        nearing = np.arange(len(ways))
+        while len(nearing):
             # From outside inwards, each time by as much as is surely clear.
-            spare = self.distances(origins + ways[..., None] * directions, only=only, without=without) - clearance
-            nearing &= (spare > NEAR) & (ways > 0.0)
-            ways = np.where(nearing, np.maximum(ways - spare, 0.0), ways)
-        return ways
+            places = origins[nearing] + ways[nearing, None] * directions[nearing]
+            spare = self.distances(places, only=only, without=without) - clearance
+            goes_on = (spare > NEAR) & (ways[nearing] > 0.0)
+            nearing, spare = nearing[goes_on], spare[goes_on]
+            ways[nearing] = np.maximum(ways[nearing] - spare, 0.0)
+        return ways.reshape(shape)
 
     def collar(self, clearance: float) -> tuple[float, float]:
         """Radius and height above the shoulder joints [m] of the narrowest ring around the neck that is clear of it.

@@ -9,6 +9,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 EDGES = ((0, 1), (1, 2), (2, 0))  # corners of a triangle
+MOST_CELLS = 2**19  # along an axis, so that three numbers of cells make one of 64 bits
+STRIDE = 2**20
+HALF_AROUND = ((0, 0), (0, 1), (1, -1), (1, 0), (1, 1))
 
 
 def self_crossings(positions: NDArray[np.floating], triangles: NDArray[np.integer]) -> IntArray:
@@ -48,14 +51,29 @@ def share_crossed(
 
 
 def _near(corners: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs of triangles (T, 3, 3) whose upright boxes overlap."""
-    from scipy.spatial import KDTree
-
+    """Pairs of triangles (T, 3, 3) whose upright boxes overlap, the first of each the one with the smaller index."""
     low, high = corners.min(axis=1), corners.max(axis=1)
     middles = (low + high) / 2.0
-    # Boxes overlap only where middles are no farther apart than the halves of the largest diagonal together.
-    pairs = KDTree(middles).query_pairs(np.linalg.norm(high - low, axis=1).max() * (1.0 + 1e-9), output_type="ndarray")
-    first, second = pairs[:, 0], pairs[:, 1]
+    # Boxes overlap only where middles are no farther apart along each axis than the largest box is wide: in the same
+    # cell of that size, or of a larger one where there were too many, or in neighbours.
+    start, span = middles.min(axis=0), np.ptp(middles, axis=0)
+    size = np.maximum((high - low).max(axis=0) * (1.0 + 1e-9), span / MOST_CELLS)
+    cells = ((middles - start) / np.where(size > 0.0, size, 1.0)).astype(np.int64) + 1
+    keys = (cells[:, 0] * STRIDE + cells[:, 1]) * STRIDE + cells[:, 2]
+    order = np.argsort(keys, kind="stable")
+    keys = keys[order]
+    places = np.arange(len(keys))
+    found = []
+    for across, along in HALF_AROUND:  # a column of three cells each; the others have these among theirs
+        middle = keys + (across * STRIDE + along) * STRIDE
+        begin, end = np.searchsorted(keys, middle - 1), np.searchsorted(keys, middle + 1, side="right")
+        if across == along == 0:
+            begin = places + 1
+        counts = np.maximum(end - begin, 0)
+        others = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts - begin, counts)
+        found.append(np.stack([order[np.repeat(places, counts)], order[others]]))
+    pairs = np.concatenate(found, axis=1)
+    first, second = pairs.min(axis=0), pairs.max(axis=0)
     overlap = ((low[first] <= high[second]) & (low[second] <= high[first])).all(axis=1)
     return first[overlap], second[overlap]
 

@@ -217,8 +217,8 @@ def unfolded(text: str) -> str:
     return " ".join(text.split())
 
 
-def test_hitboxes_tell_of_each_collider_what_the_cape_does_to_it(tmp_path):
-    done = cape("hitboxes", "idle", "--end", "0.1", folder=tmp_path)
+def test_hitboxes_tell_of_each_collider_what_the_cape_does_to_it(tmp_path, forks):
+    done = forks("hitboxes", "idle", "--end", "0.1", folder=tmp_path)
     assert done.returncode == 0
     told = unfolded(done.stdout)
     assert re.search(
@@ -257,7 +257,7 @@ def test_a_check_measures_apart_from_the_solver(once, plain):
 
 
 def test_a_check_measures_the_error_of_the_time_step(once):
-    errors = [once.facts(*COARSE, "--check", *more)["step_error"] for more in ([], ["--substeps", "200"])]
+    errors = [once.facts(*COARSE, "--check", *more)["step_error"] for more in ([], ["--substeps", "80"])]
     assert all(error["seconds"] == 0.1 and error["parts"] == 10 for error in errors)
     assert 0.0 < errors[1]["rms_mm"] < errors[0]["rms_mm"] < errors[0]["max_mm"] < 10.0
 

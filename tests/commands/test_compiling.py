@@ -80,14 +80,14 @@ def told(telling: bool, folder: Path | str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_after_a_warm_up_a_replay_compiles_nothing(kept, tmp_path):
+def test_after_a_warm_up_a_replay_compiles_nothing(kept, tmp_path, forks):
     def replayed() -> str:
-        done = cape(*SHORT, "--json", folder=tmp_path, NUMBA_CACHE_DIR=str(kept))
+        done = forks(*SHORT, "--json", folder=tmp_path, NUMBA_CACHE_DIR=str(kept))
         assert done.returncode == 0, done.stderr
         assert json.loads(done.stdout)["result"].startswith("finished")
         return done.stderr
 
-    done = cape("warm-up", "--json", folder=tmp_path, NUMBA_CACHE_DIR=str(kept))
+    done = forks("warm-up", "--json", folder=tmp_path, NUMBA_CACHE_DIR=str(kept))
     assert done.returncode == 0, done.stderr
     facts = json.loads(done.stdout)
     assert set(facts) == {"pieces", "compiled", "seconds", "folder"}
@@ -99,7 +99,7 @@ def test_after_a_warm_up_a_replay_compiles_nothing(kept, tmp_path):
     assert last == "compiled 3 pieces in TIME"
 
     assert "compil" not in replayed()
-    again = json.loads(cape("warm-up", "--json", folder=tmp_path, NUMBA_CACHE_DIR=str(kept)).stdout)
+    again = json.loads(forks("warm-up", "--json", folder=tmp_path, NUMBA_CACHE_DIR=str(kept)).stdout)
     assert again == facts | {"compiled": 0, "seconds": again["seconds"]}
     # A run asks for no more than it was warmed up for, and makes what is missing.
     (one,) = (kept / "cape").glob("wake_faces-*")

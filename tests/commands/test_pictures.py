@@ -29,10 +29,10 @@ WITHOUT_VULKAN = {"VK_DRIVER_FILES": "/none", "VK_ICD_FILENAMES": "/none"}
 
 
 @pytest.fixture(scope="module")
-def bare(tmp_path_factory) -> Path:
+def bare(tmp_path_factory, forks: Forks) -> Path:
     """A folder with a recording, bare.rrd, of the hitboxes alone; its only view is called so."""
     folder = tmp_path_factory.mktemp("bare")
-    done = cape("hitboxes", "walk", "--bare", "--end", "0.5", "-o", "bare.rrd", folder=folder)
+    done = forks("hitboxes", "walk", "--bare", "--end", "0.5", "-o", "bare.rrd", folder=folder)
     assert done.returncode == 0, done.stderr
     (folder / "kept.png").write_text("kept")
     return folder

@@ -159,10 +159,11 @@ def test_wind_blows_the_cape_its_way(tmp_path: Path, forks: Forks):
     # In the lee of the body, from in front of which it comes, there is less of it,
     # behind the trunk but not where the cape is wider.
     (tmp_path / "mast.csv").write_text("0,-6,0,0\n9,-6,0,0\n")
+    coarse = ("--spacing", "0.06")
     winds = ((), ("--wind", "-6", "0", "0"), ("--wind-file", "mast.csv", "--shelter"))
     ends = []
     for wind in winds:
-        facts, recording = replay(forks, "idle", tmp_path, "--end", "1", *wind, *BACK)
+        facts, recording = replay(forks, "idle", tmp_path, "--end", "1", *wind, *BACK, *coarse)
         assert facts["result"] == "finished"
         places = recording.column("/world/cape", "Mesh3D:vertex_positions")[facts["frames"] - 1]
         ends.append(float(places[:, 0].mean()))

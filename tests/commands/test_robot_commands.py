@@ -9,7 +9,6 @@ import pytest
 import rerun as rr
 
 from skeleton import Skeleton, column_names
-from tests.support.command import cape
 
 
 def transforms_of(recording: Path, entity: str) -> np.ndarray:
@@ -42,9 +41,9 @@ SQUAT = ("hitboxes", "squat.csv", "--skeleton", "romeo", "--bare")
 
 
 @pytest.fixture(scope="module")
-def squat(folder) -> Path:
+def squat(folder, forks) -> Path:
     """The recording of its hitboxes, which are written to a file as well."""
-    done = cape(*SQUAT, "-o", "squat.rrd", "--write", "romeo.toml", folder=folder)
+    done = forks(*SQUAT, "-o", "squat.rrd", "--write", "romeo.toml", folder=folder)
     assert done.returncode == 0, done.stderr
     assert "LKneePitchLink: " in done.stdout
     return folder / "squat.rrd"
@@ -70,9 +69,9 @@ def test_hitboxes_go_to_a_file_and_come_back(folder, squat, forks):
     assert {solid["bone"] for solid in first} >= {"LKneePitch", "TrunkYaw"}
 
 
-def test_a_clip_on_a_robot(folder):
+def test_a_clip_on_a_robot(folder, forks):
     """From a clip and a robot's name to a cape: figures, the robot, no penetration."""
-    done = cape(
+    done = forks(
         "replay", "walk", "--skeleton", "romeo", "--end", "0.4", "--fps", "60", "--spacing", "0.05",
         "--hitboxes", "body", "-o", "walk.rrd", "--json",
         folder=folder,

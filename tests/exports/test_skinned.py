@@ -16,7 +16,7 @@ from motions import quaternions
 from motions.errors import UserError
 from tests.exports.a_take import FPS, FRAMES, make_take
 from tests.exports.skinned_reader import read
-from tests.support.command import cape
+from tests.support.command import Forks
 
 WITHIN = 1e-5  # m
 TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # Z up to Y up
@@ -136,9 +136,9 @@ def test_a_piece_of_its_own_has_a_chain_of_its_own():
     assert {int(v) // 3 for v in found.vertices[found.parents < 0]} == {0, 1}
 
 
-def test_by_command_it_is_told_how_far_off_it_is(tmp_path: Path):
+def test_by_command_it_is_told_how_far_off_it_is(tmp_path: Path, forks: Forks):
     waving().keep(tmp_path / "a.npz")
-    done = cape("export", "a.npz", "-o", "a.glb", "--joints", "5", folder=tmp_path)
+    done = forks("export", "a.npz", "-o", "a.glb", "--joints", "5", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "5 joints put the cloth" in " ".join(done.stdout.split())
     assert read(tmp_path / "a.glb").vertices.shape == (FRAMES, 30, 3)
@@ -147,7 +147,7 @@ def test_by_command_it_is_told_how_far_off_it_is(tmp_path: Path):
         ("b.glb", "--joints", "31"): "1 to 30 joints, not 31",
         ("b.glb", "--joints", "0"): "--joints",
     }.items():
-        done = cape("export", "a.npz", "-o", *arguments, folder=tmp_path)
+        done = forks("export", "a.npz", "-o", *arguments, folder=tmp_path)
         assert (done.returncode, told in done.stderr) == (2, True), done.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.glb", "a.npz"]
 

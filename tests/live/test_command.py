@@ -13,7 +13,7 @@ import pytest
 import cape
 import motions
 import skeleton
-from tests.support.command import CAPE, Forks
+from tests.support.command import CAPE, Done, Forks
 from tests.support.machine.disks import small_disk
 from tests.support.processes import mistake_told
 from tests.support.takes import cloth_frames
@@ -101,22 +101,21 @@ def test_however_it_ends_what_was_recorded_is_complete(way: str, tmp_path: Path)
     assert not list(tmp_path.glob(".*part*"))
 
 
-def on_a_full_disk(
-    how: str, *, output: str, folder: Path, spacing: float = 0.1, **environment: str
-) -> "subprocess.CompletedProcess[str]":
+def on_a_full_disk(forks: Forks, how: str, *, output: str, folder: Path, spacing: float = 0.1) -> Done:
     """Record a sheet for a second and a half, after some lines that have the disk fill up."""
-    script = (
-        f"{how}\n"
+    return forks.script(full_disk(how, output=output, spacing=spacing), folder=folder)
+
+
+def full_disk(how: str, *, output: str, spacing: float) -> str:
+    return (
         "import sys\n"
+        "sys.dont_write_bytecode = True\n"
+        f"{how}\n"
         "sys.argv = ['cape', 'live', '--no-viewer', '--scene', 'sheet', '--spacing',"
         f" '{spacing}', '--seconds', '1.5', '-o', '{output}', '--json']\n"
         "from cape.cli import main\n"
         "main()\n"
     )
-    return subprocess.run(
-        [sys.executable, "-c", script], cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True,
-        timeout=LONG, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", **environment},
-    )  # fmt: skip
 
 
 EARLY = """
@@ -135,9 +134,9 @@ command.write_what_fits = limited
 """
 
 
-def test_a_full_disk_ends_the_recording_and_not_the_run(tmp_path: Path):
+def test_a_full_disk_ends_the_recording_and_not_the_run(tmp_path: Path, forks: Forks):
     """As though next to nothing were free: the run goes on, and what fits is written."""
-    done = on_a_full_disk(EARLY, output="run.npz", folder=tmp_path)
+    done = on_a_full_disk(forks, EARLY, output="run.npz", folder=tmp_path)
     assert done.returncode == 2, done.stderr
     assert "recording stopped" in done.stderr
     kept, of = len(cape.Take.load(tmp_path / "run.npz").positions), json.loads(done.stdout)["frames"] + 1
@@ -147,9 +146,9 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(tmp_path: Path):
 
 
 @pytest.mark.parametrize(("name", "most"), [("run.rrd", 4_150_000), ("run.npz", 60_000)])
-def test_a_disk_that_is_full_when_it_is_written_leaves_what_fits(tmp_path: Path, name: str, most: int):
+def test_a_disk_that_is_full_when_it_is_written_leaves_what_fits(tmp_path: Path, name: str, most: int, forks: Forks):
     """A recording needs 4 MB besides its cloth."""
-    done = on_a_full_disk(LATE.replace("MOST", str(most)), output=name, folder=tmp_path)
+    done = on_a_full_disk(forks, LATE.replace("MOST", str(most)), output=name, folder=tmp_path)
     assert done.returncode == 2, done.stderr
     path, of = tmp_path / name, json.loads(done.stdout)["frames"] + 1
     frames = cloth_frames(path) if path.suffix == ".rrd" else len(cape.Take.load(path).positions)
@@ -172,10 +171,10 @@ command.write_what_fits = crowded
 """
 
 
-def test_on_a_small_disk_as_much_is_recorded_as_fits(tmp_path: Path):
+def test_on_a_small_disk_as_much_is_recorded_as_fits(tmp_path: Path, forks: Forks):
     """Of 1 MB, on which a sheet of 441 vertices has room for some dozens of frames."""
     with small_disk(tmp_path / "disk", 1_000_000) as folder:
-        done = on_a_full_disk("", output="run.npz", folder=folder, spacing=0.05)
+        done = on_a_full_disk(forks, "", output="run.npz", folder=folder, spacing=0.05)
         assert done.returncode == 2, done.stderr
         kept, of = len(cape.Take.load(folder / "run.npz").positions), json.loads(done.stdout)["frames"] + 1
         assert 20 <= kept < of
@@ -183,10 +182,10 @@ def test_on_a_small_disk_as_much_is_recorded_as_fits(tmp_path: Path):
 
 
 @pytest.mark.parametrize(("name", "left"), [("run.npz", 60_000), ("run.rrd", 4_250_000)])
-def test_a_disk_that_others_fill_while_it_runs_leaves_what_fits(tmp_path: Path, name: str, left: int):
+def test_a_disk_that_others_fill_while_it_runs_leaves_what_fits(tmp_path: Path, name: str, left: int, forks: Forks):
     """The disk itself tells that it is full, which nothing has foreseen; a recording needs 4 MB besides its cloth."""
     with small_disk(tmp_path / "disk", 8_000_000) as folder:
-        done = on_a_full_disk(FILLED.replace("LEFT", str(left)), output=name, folder=folder)
+        done = on_a_full_disk(forks, FILLED.replace("LEFT", str(left)), output=name, folder=folder)
         assert done.returncode == 2, done.stderr
         path, of = folder / name, json.loads(done.stdout)["frames"] + 1
         frames = cloth_frames(path) if path.suffix == ".rrd" else len(cape.Take.load(path).positions)
@@ -198,7 +197,12 @@ def test_a_disk_that_others_fill_while_it_runs_leaves_what_fits(tmp_path: Path, 
 def test_where_temporary_files_find_no_room_all_is_recorded(tmp_path: Path):
     """A sheet of 2793 vertices is moved to disk after a second: to one of 1 MB."""
     with small_disk(tmp_path / "disk", 1_000_000) as folder:
-        done = on_a_full_disk("", output="run.npz", folder=tmp_path, spacing=0.025, TMPDIR=str(folder))
+        # In a process of its own, which looks for where temporary files are to be.
+        done = subprocess.run(
+            [sys.executable, "-c", full_disk("", output="run.npz", spacing=0.025)],
+            cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=LONG,
+            env={**os.environ, "TMPDIR": str(folder)},
+        )  # fmt: skip
         assert done.returncode == 0, done.stderr
         take = cape.Take.load(tmp_path / "run.npz")
         assert len(take.positions) == json.loads(done.stdout)["frames"] + 1
@@ -207,16 +211,15 @@ def test_where_temporary_files_find_no_room_all_is_recorded(tmp_path: Path):
         assert take.positions[0].nbytes * len(take.positions) > 2**20
 
 
-def test_mistakes_are_told_in_a_line(tmp_path: Path):
-    with Forks(tmp_path) as forks:
-        for arguments, text in [
-            (["--web", "--no-viewer"], "--web"),
-            (["--seconds", "-1"], "--seconds"),
-            (["--bind", "everywhere"], "0.0.0.0"),
-            (["--solver", "auto"], "solver by its name"),
-            (["swim"], "walk"),
-        ]:
-            assert text in mistake_told(forks("live", *arguments, folder=tmp_path))[1]
+def test_mistakes_are_told_in_a_line(tmp_path: Path, forks: Forks):
+    for arguments, text in [
+        (["--web", "--no-viewer"], "--web"),
+        (["--seconds", "-1"], "--seconds"),
+        (["--bind", "everywhere"], "0.0.0.0"),
+        (["--solver", "auto"], "solver by its name"),
+        (["swim"], "walk"),
+    ]:
+        assert text in mistake_told(forks("live", *arguments, folder=tmp_path))[1]
 
 
 def test_without_a_display_it_says_so_and_how_else(tmp_path: Path):

@@ -1,10 +1,7 @@
 """Clips joined by a script: how alike windows are, how blends keep to the clips' speeds, what a script may say."""
 
 import math
-import os
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,11 +15,11 @@ import motions
 from motions import Clip, MotionGraph, Step, UnknownNameError, UserError, ValueRangeError, quaternions
 from motions.graph.alignment import window_distances
 from motions.graph.blend import TOLERANCE
+from tests.support.command import Forks
 from tests.support.processes import mistake_told
 
 FloatArray = NDArray[np.float64]
 
-CAPE = Path(sys.executable).with_name("cape")
 SCRIPT = "idle 2s, walk 3s, run 3s, kick, idle"
 SEARCH = 0.5
 TOLD = re.compile(
@@ -469,14 +466,9 @@ def test_errors_point_to_the_part(text: str):
 # The command
 
 
-def cape(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    return subprocess.run([CAPE, *arguments], cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
-
-
-def test_the_command_joins_shipped_clips_and_files(tmp_path: Path):
+def test_the_command_joins_shipped_clips_and_files(tmp_path: Path, forks: Forks):
     motions.save(motions.load("walk"), tmp_path / "my walk.bvh")
-    done = cape("hitboxes", "--bare", "--script", "idle 1s, my walk.bvh 1s", folder=tmp_path)
+    done = forks("hitboxes", "--bare", "--script", "idle 1s, my walk.bvh 1s", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["idle-my walk_hitboxes.rrd", "my walk.bvh"]
 
@@ -490,8 +482,8 @@ def test_the_command_joins_shipped_clips_and_files(tmp_path: Path):
         (["replay", "--script", "idle 3x"], "'3x' is no time"),
     ],
 )  # fmt: skip
-def test_a_mistaken_script_is_one_line_and_status_2(arguments: list[str], words: str, tmp_path: Path):
-    done = cape(*arguments, folder=tmp_path)
+def test_a_mistaken_script_is_one_line_and_status_2(arguments: list[str], words: str, tmp_path: Path, forks: Forks):
+    done = forks(*arguments, folder=tmp_path)
     said, line = mistake_told(done)
     assert said == []
     assert words in line

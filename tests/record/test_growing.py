@@ -23,7 +23,7 @@ from cape.results.so_far import StopRun
 from cape.scene.standard_scenes import StandardScene
 from cape.scene.tearing_scenes import torn
 from skeleton.track import BoneTrack
-from tests.support.command import CAPE
+from tests.support.command import CAPE, Forks
 from tests.support.takes import cloth_frames
 
 FRAMES = 30
@@ -269,11 +269,8 @@ LOOP_FRAMES = 1 + round(0.5 * motions.load("walk").fps)
 
 
 @pytest.mark.parametrize("where", ["in the second round", "while it is written"])
-def test_ctrl_c_leaves_a_loop_as_far_as_it_was_done(tmp_path: Path, where: str):
-    done = subprocess.run(
-        [CAPE.with_name("python"), "-c", INTERRUPTED, where, *LOOP],
-        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+def test_ctrl_c_leaves_a_loop_as_far_as_it_was_done(tmp_path: Path, where: str, forks: Forks):
+    done = forks.script(INTERRUPTED, where, *LOOP, folder=tmp_path)
     assert done.returncode == 130, done.stderr
     assert done.stderr.splitlines()[-1] == "cape: interrupted"
     assert [path.name for path in tmp_path.iterdir()] == ["loop.rrd"]

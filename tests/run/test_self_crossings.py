@@ -1,12 +1,14 @@
 """Where a cloth passes through itself: found as by trying every edge on every triangle."""
 
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from cape import Cloth
-from cape.measure.self_crossings import self_crossings, share_crossed
+from cape.measure.self_crossings import _near, self_crossings, share_crossed
 from tests.support.crossing import crossings as edges_through_triangles
 
 SHEET = Cloth.rectangle(width=0.4, height=0.4, spacing=0.1)
@@ -22,6 +24,26 @@ def test_there_are_crossings_where_an_edge_passes_through_a_triangle(seed: int, 
     found = self_crossings(positions, SHEET.triangles)
     assert (len(found) > 0) == (edges_through_triangles(positions, SHEET.triangles) > 0)
     assert len(np.unique(np.sort(found, axis=1), axis=0)) == len(found)
+
+
+@given(
+    st.integers(0, 2**32 - 1), st.sampled_from([0.1, 0.3, 3.0]), st.sampled_from([0.0, 1.0]), st.sampled_from([0, 1e12])
+)
+def test_no_pair_is_missed_however_large_or_far_apart_triangles_are(seed: int, size: float, flat: float, far: float):
+    rng = np.random.default_rng(seed)
+    corners = rng.normal(size=(60, 1, 3)) + size * rng.uniform(-1.0, 1.0, (60, 3, 3))
+    corners[:, :, 2] *= flat
+    corners[0] += far
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    overlap = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=2)
+    found = np.stack(_near(corners), axis=1)
+    assert sorted(found.tolist()) == np.argwhere(np.triu(overlap, 1)).tolist()
+
+
+def test_a_run_is_looked_through_without_scipy(monkeypatch: pytest.MonkeyPatch):
+    """Importing it takes as long as the frames of a short run."""
+    monkeypatch.setitem(sys.modules, "scipy.spatial", None)
+    assert share_crossed(SHEET.positions[None], SHEET.triangles, most=1) == 0.0
 
 
 def test_a_fold_is_no_crossing_until_it_goes_through():

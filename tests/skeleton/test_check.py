@@ -1,8 +1,6 @@
 """What a check of a motion finds, and that it finds nothing where there is nothing."""
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -349,7 +347,7 @@ def test_a_robots_motion_is_checked_too(mocap):
     assert ("right_hand", "right_thigh") in parts_of(check_motion(track, robot.capsules()), "crossing")
 
 
-def test_info_tells_the_worst_of_each_kind_and_all_as_json(tmp_path):
+def test_info_tells_the_worst_of_each_kind_and_all_as_json(tmp_path, forks):
     clip = motions.load("walk")
     rotations = clip.rotations_wxyz.copy()
     for frame, joint in enumerate(("LeftArm", "RightArm", "LeftForeArm", "RightForeArm", "Head"), start=100):
@@ -357,13 +355,9 @@ def test_info_tells_the_worst_of_each_kind_and_all_as_json(tmp_path):
         j = clip.joints.index(joint)
         rotations[frame, j] = quaternions.multiply(rotations[frame, j], turned)
     motions.save(replace(clip, rotations_wxyz=rotations), tmp_path / "torn.bvh")
-    run = [Path(sys.executable).with_name("cape"), "info", "torn.bvh"]
-    told = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
-    text = " ".join(told.split())
+    text = " ".join(forks("info", "torn.bvh", folder=tmp_path).stdout.split())
     assert text.count("check glitch:") == 4
     assert "glitch: 2 more, see --json" in text
-    facts = json.loads(
-        subprocess.run([*run, "--json"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
-    )
+    facts = json.loads(forks("info", "torn.bvh", "--json", folder=tmp_path).stdout)
     assert ["clip", "torn"] in facts["rows"]
     assert len([f for f in facts["findings"] if f["kind"] == "glitch"]) == 5

@@ -13,7 +13,7 @@ from PIL import Image
 
 import motions
 from cape.results.take import Take
-from tests.support.command import CAPE, cape
+from tests.support.command import CAPE, Forks, cape
 
 COARSE = ("--end", "0.1", "--spacing", "0.1", "--no-pictures")
 HOPELESS = 120.0  # s
@@ -83,12 +83,12 @@ def test_a_batch_outlives_what_is_killed_and_goes_on_where_it_was_interrupted(tm
     assert torn["error"].split(":")[0] in page
 
 
-def test_a_run_is_the_same_as_a_replay_of_the_same_options(tmp_path: Path):
+def test_a_run_is_the_same_as_a_replay_of_the_same_options(tmp_path: Path, forks: Forks):
     """The same bits: a batch adds nothing and leaves nothing out, and what is swept comes on top."""
     options = ("--end", "0.1", "--wind", "-3", "0", "0")
     swept = cape("batch", "walk", "-o", "out", "--format=npz", "--sweep", "spacing=0.1", *options, folder=tmp_path)
     assert swept.returncode == 0, swept.stderr
-    alone = cape("replay", "walk", "-o", "alone.npz", "--spacing", "0.1", *options, folder=tmp_path)
+    alone = forks("replay", "walk", "-o", "alone.npz", "--spacing", "0.1", *options, folder=tmp_path)
     assert alone.returncode == 0, alone.stderr
     take = Take.load(tmp_path / "alone.npz")
     assert np.ptp(take.positions, axis=0).max() > 0.01
