@@ -82,7 +82,7 @@ def _classes() -> dict[str, type]:
     ahead: list[type] = [Take]
     while ahead:
         kind = ahead.pop()
-        if found.get(kind.__name__) is not kind:
+        if kind.__name__ not in found:  # those of a take itself before those of what derives from it
             found[kind.__name__] = kind
             ahead += kind.__subclasses__()
             ahead += [each for hint in get_type_hints(kind).values() for each in _mentioned(hint)]

@@ -31,7 +31,7 @@ def test_each_field_is_read_as_it_was_kept(field: str, kept_and_read: tuple[Take
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class Detail:
     """What a field to come may hold."""
 
     frame: int
@@ -42,13 +42,13 @@ class Part:
 class LaterTake(Take):
     """A take with a field more."""
 
-    parts: tuple[Part, ...] | None = None
+    parts: tuple[Detail, ...] | None = None
 
 
 def test_a_field_to_come_needs_no_line(tmp_path: Path):
     take = make_take()
     own = {each.name: getattr(take, each.name) for each in fields(take)}
-    later = LaterTake(**own, parts=(Part(3, np.arange(40).reshape(20, 2)), Part(5, np.zeros((0, 2)))))
+    later = LaterTake(**own, parts=(Detail(3, np.arange(40).reshape(20, 2)), Detail(5, np.zeros((0, 2)))))
     later.keep(tmp_path / "take.npz")
     assert difference(later, Take.load(tmp_path / "take.npz")) == ""
 
