@@ -34,7 +34,6 @@ from skeleton.track import BoneTrack
 
 FPS = 60.0
 SWITCH = 0.0001  # [s] after which a thread that computes in Python lets the physics on
-RARELY = 1000  # as often young garbage is collected until the old is looked through, which takes as long as a frame
 TOLD_EACH = 6  # frames between looks at what changes slowly
 READ = 5.0  # [s] for which something that was said can be read
 Viewing = Literal["window", "web", "page", "none"] | str
@@ -292,8 +291,6 @@ class Live:
         # What is there now is never garbage: looking through all of it takes longer than a frame.
         gc.collect()
         gc.freeze()
-        thresholds = gc.get_threshold()
-        gc.set_threshold(*thresholds[:2], RARELY)
         try:
             self._pacer.begin()
             self._begun = time.monotonic()
@@ -313,7 +310,6 @@ class Live:
             self.end(str(error))
         finally:
             gc.unfreeze()
-            gc.set_threshold(*thresholds)
             sys.setswitchinterval(switch)
             self._over.set()
 
