@@ -203,7 +203,7 @@ def cut_into_patches(triangles: NDArray[np.integer], rest: FloatArray) -> tuple[
     np.minimum.at(edge_owner, mesh.of_triangle.ravel(), np.repeat(owner, 3))
     np.minimum.at(vertex_owner, triangles.ravel(), np.repeat(owner, 3))
     by_edge, by_vertex = np.argsort(edge_owner, kind="stable"), np.argsort(vertex_owner, kind="stable")
-    neighbors = _neighbors(triangles, owner, len(rest))
+    neighbors = _neighbors(triangles, owner)
     ends = np.arange(pieces + 1)
     patches = Patches(
         vertices=by_vertex.astype(np.uint32),
@@ -248,12 +248,20 @@ def _halve(middles: FloatArray) -> tuple[IntArray, Tree]:
     )  # fmt: skip
 
 
-def _neighbors(triangles: NDArray[np.integer], owner: IntArray, vertices: int) -> IntArray:
+def _neighbors(triangles: NDArray[np.integer], owner: IntArray) -> IntArray:
     """Pairs of patches that share a vertex, each both ways, sorted, shape (n, 2)."""
-    corners = np.unique(np.stack([triangles.ravel(), np.repeat(owner, 3)], axis=1), axis=0)
-    around = np.split(corners[:, 1], np.searchsorted(corners[:, 0], np.arange(1, vertices)))
-    shared = {(a, b) for patches in map(np.ndarray.tolist, around) for a in patches for b in patches if a != b}
-    return np.array(sorted(shared), np.int64).reshape(-1, 2)
+    # As single numbers, whose sorting lets other threads go on.
+    pieces = int(owner.max(initial=0)) + 1
+    at, patch = np.divmod(np.unique(triangles.ravel() * np.int64(pieces) + np.repeat(owner, 3)), pieces)
+    pairs = [np.zeros((0, 2), np.int64)]
+    for further in range(1, len(at)):  # of the patches around each vertex, which stand one after the other
+        alike = at[further:] == at[:-further]
+        if not alike.any():
+            break
+        pairs.append(np.stack([patch[:-further][alike], patch[further:][alike]], axis=1))
+    one, other = np.concatenate(pairs).T
+    both = np.unique(np.concatenate([one * pieces + other, other * pieces + one]))
+    return np.stack(np.divmod(both, pieces), axis=1)
 
 
 def _pairs(firsts: int, room: int) -> Pairs:

@@ -9,7 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cape.assembly.self_contact import cut_into_patches, enlarged, keep, layers_of, put_back, surplus, with_room_for
+from cape.assembly.self_contact import (
+    _neighbors,
+    cut_into_patches,
+    enlarged,
+    keep,
+    layers_of,
+    put_back,
+    surplus,
+    with_room_for,
+)
 from cape.cloth.cloth import Cloth, MeshCloth
 from cape.kernels.linking import Linker
 from cape.kernels.program import Use
@@ -139,6 +148,15 @@ def test_a_tree_finds_the_pairs_of_leaves_whose_boxes_overlap(rng: np.random.Gen
     overlap = np.logical_and(reaches, reaches.T)
     expected = {(a, b) for a in range(leaves) for b in range(a, leaves) if a == b or overlap[a, b]}
     assert sorted(found) == sorted(expected)
+
+
+@given(st.integers(1, 40), st.integers(1, 12), st.integers(0, 80), st.integers(0, 2**32 - 1))
+def test_neighbouring_patches_are_those_that_share_a_vertex(vertices: int, pieces: int, count: int, seed: int):
+    rng = np.random.default_rng(seed)
+    triangles, owner = rng.integers(0, vertices, (count, 3)), np.sort(rng.integers(0, pieces, count))
+    own = [set(triangles[owner == p].ravel().tolist()) for p in range(pieces)]
+    shared = [[a, b] for a in range(pieces) for b in range(pieces) if a != b and own[a] & own[b]]
+    assert _neighbors(triangles.astype(np.uint32), owner).tolist() == shared
 
 
 def test_a_point_over_a_triangle_is_told_from_one_beside_it():
