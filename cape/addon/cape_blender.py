@@ -317,7 +317,7 @@ class CAPE_OT_hang(bpy.types.Operator):
             run = Run(context.scene, context.object, context.scene.cape)
             run.wait()
             return self._bring(context, run)
-        except (CapeError, subprocess.TimeoutExpired, ValueError, OSError) as error:
+        except (CapeError, subprocess.TimeoutExpired, ValueError, OSError, RuntimeError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
 
@@ -348,7 +348,7 @@ class CAPE_OT_hang(bpy.types.Operator):
         self._end(context)
         try:
             return self._bring(context, self._run)
-        except (CapeError, ValueError, OSError) as error:
+        except (CapeError, ValueError, OSError, RuntimeError) as error:  # the last is what Blender's own commands raise
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
 

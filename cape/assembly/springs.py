@@ -1,6 +1,7 @@
 """The springs of a cloth: the one force model that all solvers share."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,19 @@ class Springs:
     def acting(self) -> "Springs":
         """Those that are there: all, but of a mesh that may split."""
         return self
+
+    def among(self, links: IntArray | NDArray[np.bool_], bends: IntArray | NDArray[np.bool_]) -> dict[str, Any]:
+        """What some of the springs of a mesh and of its bend springs are made of, all fields but `membrane`.
+
+        Args:
+            links: springs, by number (n,) or by a mask (E,).
+            bends: bend springs, by number or by a mask (K,).
+        """
+        return {
+            **{name: getattr(self, name)[links] for name in ("first", "second", "stiffness", "rest", "measured")},
+            **{name: getattr(self, name)[bends] for name in ("bend_vertices", "bend_coefficients", "bend_stiffness")},
+            "nearest": None if self.nearest is None else self.nearest[links],
+        }
 
 
 def springs_of(cloth: Cloth) -> Springs:

@@ -159,9 +159,8 @@ class Fitted:
         for k, (collider, name) in enumerate(self._solids):
             bone = self.bone(name)
             if isinstance(collider, Bounded):
-                low, high = collider.bounds()
-                middles[k] = quaternions.rotate(self._rest.rotations_wxyz[bone], 0.5 * (low + high))
-                radii[k] = 0.5 * np.linalg.norm(high - low)
+                middle, radii[k] = collider.ball()
+                middles[k] = quaternions.rotate(self._rest.rotations_wxyz[bone], middle)
             middles[k] += self._rest.positions[bone]
         return middles, radii
 

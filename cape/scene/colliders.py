@@ -42,9 +42,7 @@ class Enclosing:
         centers, radii = np.zeros((len(colliders), 3)), np.full(len(colliders), np.inf)
         for c, collider in enumerate(colliders):
             if isinstance(collider, Bounded):
-                places, sizes = collider.balls()
-                centers[c] = 0.5 * (places.min(axis=0) + places.max(axis=0))
-                radii[c] = (np.sqrt(np.square(places - centers[c]).sum(axis=1)) + sizes).max()
+                centers[c], radii[c] = collider.ball()
         radii += _ROUNDING * (radii + np.abs(centers).max(axis=1, initial=0.0))
         return cls(centers, radii, np.array([numbers[c.bone] for c in colliders], dtype=np.int64))
 

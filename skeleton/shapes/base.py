@@ -175,6 +175,12 @@ class Bounded(Shape):
         """Lowest and highest corner of the box around it that is upright in the bone's frame [m], each (3,)."""
         return -self.support(-np.eye(3)), self.support(np.eye(3))
 
+    def ball(self) -> tuple[FloatArray, float]:
+        """A ball that holds it: its centre in the bone's frame [m], shape (3,), and its radius [m]."""
+        centers, radii = self.balls()
+        middle = 0.5 * (centers.min(axis=0) + centers.max(axis=0))
+        return middle, float((lengths(centers - middle) + radii).max())
+
     def lowest(self, positions: FloatArray, rotations_wxyz: FloatArray) -> FloatArray:
         """Height of the lowest point with the bone at positions (F, 3) [m] and bone_to_world (F, 4) [m], shape (F,)."""
         down = quaternions.rotate(quaternions.conjugate(rotations_wxyz), np.array([0.0, 0.0, -1.0]))

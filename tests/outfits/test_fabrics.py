@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import cape
-import motions
 import skeleton
 from cape.air.wind import Wind
 from cape.assembly.membrane import plane_stiffness
@@ -41,7 +40,7 @@ from motions.errors import FileError, UserError, ValueRangeError
 from tests.live.test_rig import Later, at_once
 from tests.support.code import name_of, requests_of
 from tests.support.processes import mistake_told
-from tests.support.scenes import DOUBLE, Run, every_solver, grid_cloth, irregular, turn_about
+from tests.support.scenes import DOUBLE, Run, every_solver, grid_cloth, irregular, turn_about, walking
 
 HEAVY = Fabric(density=0.4, stretch=(3000.0, 1500.0), shear=150.0, bend=(4e-5, 1e-5))
 LIGHT = Fabric(density=0.1, stretch=400.0, shear=10.0, bend=2e-6)
@@ -316,9 +315,7 @@ def test_each_is_drawn_and_kept_as_what_it_is_of(tmp_path):
 
 @pytest.fixture(scope="module")
 def walker() -> tuple[skeleton.Skeleton, skeleton.BoneTrack]:
-    clip = motions.load("walk").trim(0.0, 0.1)
-    body = skeleton.Skeleton.from_clip(clip)
-    return body, body.track(clip)
+    return walking(0.1)
 
 
 def test_garments_are_each_of_its_fabric(walker):

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import motions
 import skeleton
 from cape import FABRICS, dress
 from cape.cli.scenes.file import LARGEST, SceneFile, read_scene, scene_of
@@ -17,6 +16,7 @@ from cape.cli.scenes.keys import KINDS, keys
 from cape.cli.scenes.tables import ATTACHMENT_KEYS, FABRIC_KEYS, TABLES
 from cape.cli.scenes.writing import EXAMPLES, RUNS, TABLES_TOLD, commented, save, text_of
 from motions.errors import FileError, UserError
+from tests.support.scenes import walking
 
 HERE = Path("scenes") / "hero.toml"
 
@@ -259,9 +259,7 @@ def test_what_is_asked_for_is_written():
 
 @pytest.fixture(scope="module")
 def body() -> tuple[skeleton.Skeleton, skeleton.BoneTrack]:
-    clip = motions.load("walk").trim(0.0, 0.1)
-    who = skeleton.Skeleton.from_clip(clip)
-    return who, who.track(clip)
+    return walking(0.1)
 
 
 def test_attachments_take_their_vertices_over_from_the_garments_own(body):

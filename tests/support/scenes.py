@@ -18,6 +18,8 @@ from cape.kernels.state import State
 from cape.scene.holding.attachments import attach
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2, XPBD, BackwardEuler, Solver, SymplecticEuler
+from motions import load
+from skeleton import Skeleton
 from skeleton.track import BoneTrack
 
 FloatArray = NDArray[np.float64]
@@ -192,3 +194,10 @@ def turn_about(axis: Sequence[float], angle: float) -> FloatArray:
 def _with_world(positions: FloatArray, rotations_wxyz: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Add the bone that stands for the world."""
     return np.vstack([positions, np.zeros((1, 3))]), np.vstack([rotations_wxyz, [[1.0, 0.0, 0.0, 0.0]]])
+
+
+def walking(seconds: float) -> tuple[Skeleton, BoneTrack]:
+    """Who walks in the shipped clip, and the beginning of that walk."""
+    clip = load("walk").trim(0.0, seconds)
+    body = Skeleton.from_clip(clip)
+    return body, body.track(clip)

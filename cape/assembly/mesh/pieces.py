@@ -62,16 +62,4 @@ def _piece(fabric: Fabric, springs: Springs, vertices: NDArray[np.bool_]) -> Pie
     if membrane is not None:
         membrane, _ = membrane.among(np.flatnonzero(vertices[membrane.faces[:, 0]]))
         membrane = replace(membrane, stiffness=plane_stiffness(fabric))
-    own = Springs(
-        first=springs.first[linked],
-        second=springs.second[linked],
-        stiffness=springs.stiffness[linked],
-        rest=springs.rest[linked],
-        measured=springs.measured[linked],
-        bend_vertices=springs.bend_vertices[bent],
-        bend_coefficients=springs.bend_coefficients[bent],
-        bend_stiffness=springs.bend_stiffness[bent],
-        membrane=membrane,
-        nearest=None if springs.nearest is None else springs.nearest[linked],
-    )
-    return Piece(fabric, own, vertices)
+    return Piece(fabric, Springs(**springs.among(linked, bent), membrane=membrane), vertices)

@@ -67,20 +67,8 @@ class SplitMeshSprings(Springs):
     @property
     def acting(self) -> "ActingSprings":
         """Those that are not idle, as `mesh_springs` gives them."""
-        slots, bends = self.acting_slots, self.bend_stiffness > 0.0
-        return ActingSprings(
-            slots=self,
-            first=self.first[slots],
-            second=self.second[slots],
-            stiffness=self.stiffness[slots],
-            rest=self.rest[slots],
-            measured=self.measured[slots],
-            bend_vertices=self.bend_vertices[bends],
-            bend_coefficients=self.bend_coefficients[bends],
-            bend_stiffness=self.bend_stiffness[bends],
-            membrane=self.membrane,
-            nearest=None if self.nearest is None else self.nearest[slots],
-        )
+        slots, bends = self.acting_slots, np.flatnonzero(self.bend_stiffness > 0.0)
+        return ActingSprings(slots=self, **self.among(slots, bends), membrane=self.membrane)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
