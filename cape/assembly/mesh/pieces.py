@@ -62,4 +62,4 @@ def _piece(fabric: Fabric, springs: Springs, vertices: NDArray[np.bool_]) -> Pie
     if membrane is not None:
         membrane, _ = membrane.among(np.flatnonzero(vertices[membrane.faces[:, 0]]))
         membrane = replace(membrane, stiffness=plane_stiffness(fabric))
-    return Piece(fabric, Springs(**springs.among(linked, bent), membrane=membrane), vertices)
+    return Piece(fabric, Springs(**springs.among(linked, np.flatnonzero(bent)), membrane=membrane), vertices)
