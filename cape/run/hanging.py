@@ -12,11 +12,11 @@ from cape.assembly import putting_on, self_contact
 from cape.assembly.assemble import Assembly, assemble
 from cape.kernels.bones import Motion
 from cape.kernels.calling import Bound
-from cape.kernels.cloth.measure import is_strained, whereabouts
+from cape.kernels.cloth.measure import whereabouts
 from cape.kernels.solve.journal import Journal
 from cape.kernels.state import State
 from cape.kernels.store import Request
-from cape.run.strain_limit import StrainLimit
+from cape.run.strain_limit import StrainLimit, strain_check
 from cape.run.weather import Weather
 from cape.run.whereabouts import Frame, Hold, Moment, Place
 from cape.scene.jumps import rigid_motion
@@ -155,9 +155,7 @@ class Hanging:
         self.running = self._solver.init(self.assembly, self.state)
         self._sound, self._slow = (Bound(whereabouts, *self.state, FARTHEST_LEAP, most) for most in (FASTEST, WILD))
         self.limit = StrainLimit(self.assembly, self.state, self.running.limits)
-        springs = self.assembly.springs
-        links = (np.ascontiguousarray(each) for each in (springs.first, springs.second, springs.rest))
-        self._strain = Bound(is_strained, *self.state[:3], *links, STRAINED)
+        self._strain = strain_check(self.assembly.springs, self.state, STRAINED)
 
     def follow(self, assembly: Assembly, changed: "Changed") -> None:
         """Go on in the assembly of a mesh that has split, in place; see `Solver.follow`."""

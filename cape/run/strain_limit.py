@@ -1,4 +1,5 @@
-"""Threads under a limit of strain, from frame to frame: if shorter steps would help, or it can't be kept at all."""
+"""Strain from frame to frame: whether any spring is too long, and threads under a limit, if shorter steps would help
+or it can't be kept at all."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -10,12 +11,23 @@ from cape.assembly.assemble import Assembly
 from cape.assembly.fabrics import of_vertices
 from cape.assembly.springs import Springs
 from cape.kernels.calling import Bound
-from cape.kernels.cloth.measure import is_strained
+from cape.kernels.cloth.measure import is_grid_strained, is_strained
 from cape.kernels.state import State
 
 LEFT = 0.01  # strain beyond their limit that sweeps over threads may leave
 TUG = 12  # frames in a row in which threads are too long, after which it is no tug, but a body that they lie around
 TORN = 0.1  # strain beyond their limit at which a few threads bear what others are not let to
+
+
+def strain_check(springs: Springs, state: State, most: float) -> Bound:
+    """What tells whether any spring at a state, which may change in place, is strained by more than `most`."""
+    families = springs.families
+    if families is None or springs.in_slots:
+        links = (np.ascontiguousarray(each) for each in (springs.first, springs.second, springs.rest))
+        return Bound(is_strained, *state[:3], *links, most)
+    # Neighbours side by side are looked at in a twentieth of the time that indices take.
+    squared = np.where(families.stiffness > 0.0, ((1.0 + most) * families.rest) ** 2, np.inf)
+    return Bound(is_grid_strained, *state[:3], families.offsets, squared.astype(state.x.dtype))
 
 
 class StrainLimit:

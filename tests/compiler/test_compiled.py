@@ -93,7 +93,7 @@ def run(*scenes: str, folder: Path | None = None) -> Seen:
 
 BARE = {
     "run_frame", "begin_motion", "move_on", "grid_springs", "advance", "lift_attached", "hold_attached", "find_nearby",
-    "watch_tiles", "keep_out", "nearest", "gaps of capsule", "whereabouts", "is_strained",
+    "watch_tiles", "keep_out", "nearest", "gaps of capsule", "whereabouts", "is_grid_strained",
 }  # fmt: skip
 
 OWN = {

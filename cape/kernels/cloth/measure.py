@@ -43,6 +43,22 @@ def is_strained(x, y, z, first, second, rest, limit):
 
 
 @routine
+def is_grid_strained(x, y, z, offsets, longest_squared):
+    """Tell whether any spring of a grid is longer than it may be.
+
+    The springs of family f go from vertex i to i + `offsets[f]`; `longest_squared` [m2] (F, N) stands at i, infinity for
+    no spring.
+    """
+    many = np.int64(0)
+    for f in range(offsets.size):
+        offset = np.uint64(offsets[f])
+        for i in range(np.uint64(x.size) - offset):
+            dx, dy, dz = x[i + offset] - x[i], y[i + offset] - y[i], z[i + offset] - z[i]
+            many += 1 if dx * dx + dy * dy + dz * dz > longest_squared[f, i] else 0
+    return many > 0
+
+
+@routine
 def whereabouts(x, y, z, vx, vy, vz, farthest, fastest):
     """Mean position [m] of the vertices, and whether all coordinates [m] and velocities [m/s] are below the bounds.
 
