@@ -102,7 +102,7 @@ class StrainLimit:
 
     def rest(self) -> None:
         """Limit threads again, once their stiffness alone has brought them back to what they may bear."""
-        if not self._acts and not self._any():
+        if self._longest and not self._acts and not self._any():
             self.acts = True
 
     def _strains(self) -> NDArray[np.float64]:

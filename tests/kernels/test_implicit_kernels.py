@@ -9,11 +9,11 @@ from cape.cloth.fabric import Fabric
 from cape.forces.elastic import Elastic
 from cape.kernels import bones
 from cape.kernels.bones import Motion, MotionRoom
-from cape.kernels.cloth.mesh_bending import SUMS, MeshBends
+from cape.kernels.cloth.mesh_bending import SIDE, SUMS, MeshBends
 from cape.kernels.implicit import conjugate_gradients, stages
 from motions import quaternions
 from tests.solvers.linear import LAYOUTS, B, Linear
-from tests.support.scenes import grid_cloth, irregular
+from tests.support.scenes import grid_cloth, irregular, mesh_cloth
 
 
 @pytest.fixture
@@ -58,6 +58,16 @@ def test_the_matrix_is_symmetric_and_positive_definite_also_compressed(layout: s
     assert np.linalg.eigvalsh(dense).min() > 0.999 * linear.assembly.mass.min() / B**2
 
 
+def test_what_is_left_of_sums_that_are_zero_is_no_bending():
+    side = 0.03 * np.arange(9)
+    cloth = mesh_cloth(side, side, Fabric())
+    bends = mesh_bends_record(mesh_springs(cloth), cloth.vertices, np.float64)
+    dense = np.abs(dense_rows(bends))
+    # Between the weakest pair of whole cells, which are all alike, and rounding lies much.
+    assert dense[dense > 0.0].min() > 1e-8 * dense.max()
+    np.testing.assert_allclose(dense, dense.T, rtol=1e-9, atol=1e-13 * dense.max())
+
+
 def test_bending_that_is_next_to_nothing_is_left_out_of_both_rows_of_a_pair(rng):
     side = 0.03 * np.arange(9)
     cloth = irregular(grid_cloth(side, side, Fabric()), rng)
@@ -78,7 +88,7 @@ def dense_rows(bends: MeshBends) -> np.ndarray:
     """Weights of all pairs (N, N) [N/m]."""
     count = len(bends.start) - 1
     dense = np.zeros((count, count))
-    np.add.at(dense, (np.repeat(np.arange(count), np.diff(bends.start)), bends.others), bends.weight)
+    np.add.at(dense, (np.repeat(np.arange(count), np.diff(bends.start)), bends.others // SIDE), bends.weight)
     return dense
 
 

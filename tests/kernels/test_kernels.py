@@ -97,6 +97,26 @@ def test_strain_and_its_histogram(rng: np.random.Generator):
     np.testing.assert_array_equal(histogram, np.bincount(bins, minlength=measure.BINS))
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_strained_spring_of_a_grid_is_found_wherever_it_is(rng: np.random.Generator, dtype: type):
+    rows, columns = 7, 5
+    offsets = np.array([1, columns, columns + 1, columns - 1])
+    places = np.stack([*np.divmod(np.arange(rows * columns), columns), np.zeros(rows * columns)]).astype(dtype)
+    present = np.array([[np.hypot(*(places[:2, i + o] - places[:2, i])) < 1.5 if i + o < rows * columns else False
+                         for i in range(rows * columns)] for o in offsets])  # fmt: skip
+    assert present.sum() == rows * (columns - 1) + (rows - 1) * columns + 2 * (rows - 1) * (columns - 1)
+    x, y, z = places + rng.normal(0.0, 0.1, places.shape).astype(dtype)
+    squared = np.full(present.shape, np.inf, dtype)
+    for f, i in zip(*np.nonzero(present), strict=True):
+        j = i + offsets[f]
+        squared[f, i] = 1.001 * ((x[j] - x[i]) ** 2 + (y[j] - y[i]) ** 2 + (z[j] - z[i]) ** 2)
+    assert not measure.is_grid_strained(x, y, z, offsets, squared)
+    for f, i in zip(*np.nonzero(present), strict=True):
+        one = squared.copy()
+        one[f, i] *= 0.998
+        assert measure.is_grid_strained(x, y, z, offsets, one)
+
+
 def test_kinetic_energy(rng: np.random.Generator):
     _, v = grid_points(rng)
     mass = rng.uniform(1, 2, N)

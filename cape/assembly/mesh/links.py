@@ -21,6 +21,8 @@ from cape.kernels.state import aligned
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+ROUNDING = 1e-13  # of a row's own entry: less is what sums leave that are zero, a fifth of all where cells are split
+
 
 Spare = int | None
 """From which vertex on all are spare, with lists that have room; None where there are none."""
@@ -64,7 +66,7 @@ def mesh_bends_record(springs: Springs, vertices: int, dtype: type[np.floating])
     """Lay out the bending of a mesh in a solver's precision."""
     matrix = bend_matrix(springs, vertices)
     row = np.repeat(np.arange(vertices), np.diff(matrix.indptr))
-    apart = (matrix.indices != row) & (matrix.data != 0.0)
+    apart = (matrix.indices != row) & (np.abs(matrix.data) > ROUNDING * matrix.diagonal()[row])
     return _bend_rows(row[apart], matrix.indices[apart], -matrix.data[apart], np.arange(vertices), dtype)
 
 
@@ -74,7 +76,7 @@ def thinned(bends: MeshBends, least: FloatArray, dtype: type[np.floating]) -> Me
     Rows stay symmetric, and zero in sum.
     """
     count = len(least)
-    row, others = np.repeat(np.arange(count), np.diff(bends.start)), bends.others.astype(np.int64)
+    row, others = np.repeat(np.arange(count), np.diff(bends.start)), bends.others.astype(np.int64) // SIDE
     kept = np.abs(bends.weight) > np.minimum(least[row], least[others])
     return _bend_rows(row[kept], others[kept], bends.weight[kept], np.arange(count), dtype)
 
@@ -87,9 +89,9 @@ def _bend_rows(
     width = count + -count % SUMS
     start = np.concatenate([[0], np.cumsum(width)])
     place = start[row] + np.arange(len(row)) - (np.cumsum(count) - count)[row]
-    table = np.repeat(own.astype(np.uint32), width)
+    table = np.repeat((SIDE * own).astype(np.uint32), width)
     weights: NDArray[Any] = np.zeros(start[-1], dtype)
-    table[place], weights[place] = others, weight
+    table[place], weights[place] = SIDE * others, weight
     return MeshBends(start, table, weights, aligned(SIDE * len(own), dtype))
 
 
@@ -117,8 +119,9 @@ def bend_rows(springs: Springs, rows: IntArray, vertices: int, dtype: type[np.fl
     products = rooted[bend, member, None] * rooted[bend]
     sums = np.bincount(place.ravel(), products.ravel(), len(rows) * len(columns))
     matrix = sums.reshape(len(rows), -1).astype(float)
+    least = ROUNDING * matrix[np.arange(len(rows)), number[rows]]
     matrix[np.arange(len(rows)), number[rows]] = 0.0
-    row, column = np.nonzero(matrix)
+    row, column = np.nonzero(np.abs(matrix) > least[:, None])
     return _bend_rows(row, columns[column], -matrix[row, column], rows, dtype)
 
 

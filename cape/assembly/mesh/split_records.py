@@ -25,7 +25,7 @@ from cape.kernels.cloth.mesh_bending import MeshBends
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-MORE = 1.25  # times the room for bending that a mesh takes before it splits
+MORE = 1.5  # times the room for bending that a mesh takes before it splits
 
 
 class Splits(NamedTuple):

@@ -46,8 +46,8 @@ def is_strained(x, y, z, first, second, rest, limit):
 def is_grid_strained(x, y, z, offsets, longest_squared):
     """Tell whether any spring of a grid is longer than it may be.
 
-    The springs of family f go from vertex i to i + `offsets[f]`; `longest_squared` [m2] (F, N) stands at i, infinity for
-    no spring.
+    The springs of family f go from vertex i to i + `offsets[f]`; `longest_squared` [m2] (F, N) stands at i, infinity
+    for no spring.
     """
     many = np.int64(0)
     for f in range(offsets.size):

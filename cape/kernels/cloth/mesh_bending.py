@@ -19,13 +19,15 @@ from cape.kernels.team import meet
 Array = NDArray[np.floating]
 
 SIDE = 4  # numbers from one vertex to the next in `packed`, a power of two
+ONE = np.uint64(1)
 SUMS = 4  # sums that a row is added to by turns, a power of two
 
 
 class MeshBends(NamedTuple):
     """Rows of the matrix: `others` and `weight` [N/m] of vertex i stand from `start[i]` on; `start` (N + 1,).
 
-    Rows have a multiple of SUMS others, filled up with the vertex itself, so that as many sums are made at once.
+    Others are told by their places in `packed`, SIDE times their numbers, which spares a shift in the innermost loop.
+    Rows have a multiple of SUMS of them, filled up with the vertex itself, so that as many sums are made at once.
     `packed` (4 N,) is room for what the matrix is multiplied with.
     """
 
@@ -80,8 +82,10 @@ def put(packed, i, x, y, z):
 @kernel
 def add_rows(lo, hi, scale, start, others, weight, packed, fx, fy, fz):
     """Add `scale` times the sums of weight (q_j - q_i) over the others of vertices lo to hi, q being what is packed."""
-    for i in range(lo, hi):
-        x, y, z = row_sum(others, weight, packed, start[i], start[i + 1], np.int64(i))
+    end = start[lo]
+    for i in range(np.uint64(lo), np.uint64(hi)):
+        begin, end = end, start[i + ONE]
+        x, y, z = row_sum(others, weight, packed, begin, end, np.int64(SIDE * i))
         fx[i] += scale * x
         fy[i] += scale * y
         fz[i] += scale * z
@@ -90,7 +94,7 @@ def add_rows(lo, hi, scale, start, others, weight, packed, fx, fy, fz):
 def _row_sum(others, weight, packed, start, end, own):
     """What `row_sum` does, in numpy."""
     q = packed.reshape(-1, SIDE)
-    pulls = weight[start:end, None] * (q[others[start:end]] - q[own])
+    pulls = weight[start:end, None] * (q[others[start:end] // SIDE] - q[own // SIDE])
     total = pulls.sum(axis=0)
     return total[0], total[1], total[2]
 
@@ -116,7 +120,7 @@ def row_sum(typingctx, others, weight, packed, start, end, own):
         first, last, mine = arguments[3:]
 
         def point(index):
-            place = builder.gep(points, [builder.shl(index, word(SIDE.bit_length() - 1))])
+            place = builder.gep(points, [index])
             return builder.load(builder.bitcast(place, vector.as_pointer()), align=4)
 
         def pull(total, index, origin):
