@@ -18,6 +18,7 @@ import cape
 import motions
 from cape.meshes.embedding import embedded
 from cape.record import save
+from cape.record.files.sink import Sink
 from cape.record.growing import growing_file
 from cape.results.so_far import StopRun
 from cape.scene.standard_scenes import StandardScene
@@ -129,7 +130,15 @@ def test_a_loop_is_written_when_its_frames_are_known(tmp_path: Path, monkeypatch
     assert rows(tmp_path / "grown.rrd") == rows(tmp_path / "saved.rrd")
 
 
-def test_frames_are_on_the_disk_before_the_run_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("slowly", [False, True])
+def test_frames_are_on_the_disk_before_the_run_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, slowly: bool):
+    def late(sink: Sink, some: bytes):
+        time.sleep(0.01)
+        keep(sink, some)
+
+    keep = Sink._keep
+    if slowly:
+        monkeypatch.setattr(Sink, "_keep", late)
     monkeypatch.setattr("cape.record.growing.BYTES_PER_CHUNK", 24 * SHEET.vertices * 5)
     scene, track = hung(), moved()
     seen = []

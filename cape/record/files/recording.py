@@ -55,6 +55,7 @@ class RecordingFile:
     def room(self) -> int:
         """How much more there is room for [bytes]; what was sent is on the disk then."""
         self.stream.flush()
+        self._sink.settle()
         return room_at(self._sink.path, written=self._sink.written)
 
     def check(self) -> None:

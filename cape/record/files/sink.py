@@ -6,9 +6,12 @@ Rerun's own writer only logs that a disk is full, and whoever hands anything to 
 from __future__ import annotations
 
 import os
+import select
 import shutil
+import struct
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
 AT_ONCE = 2**20  # [bytes]
+BETWEEN_LOOKS = 1e-4  # [s]
 
 
 class Sink:
@@ -38,13 +42,25 @@ class Sink:
         self.error: OSError | None = None
         self._file = path.open("wb", buffering=0)
         self._out, self._in = os.pipe()
+        self._idle = threading.Event()
         self._copying = threading.Thread(target=self._copy, name="cape-recording", daemon=True)
 
     def open(self, stream: rr.RecordingStream, blueprint: rrb.Blueprint) -> None:
         """Lead a stream here, with the layout that it opens with."""
-        self._copying.start()
         through = f"/dev/fd/{self._in}"
-        stream.save(through if os.path.exists(through) else self.path, default_blueprint=blueprint)
+        if os.path.exists(through):
+            self._copying.start()
+            stream.save(through, default_blueprint=blueprint)
+        else:
+            stream.save(self.path, default_blueprint=blueprint)
+
+    def settle(self) -> None:
+        """Wait until the file has all that a stream has handed over, or does not take it."""
+        if self._copying.is_alive():
+            while _unread(self._out):
+                time.sleep(BETWEEN_LOOKS)
+            # What is no longer in the pipe was taken from it by a thread that was not idle then.
+            self._idle.wait()
 
     def close(self) -> None:
         """Wait for the rest of a stream that was disconnected; may be repeated."""
@@ -57,15 +73,33 @@ class Sink:
             self._file.close()
 
     def _copy(self) -> None:
-        while some := os.read(self._out, AT_ONCE):
-            rest = memoryview(some)
-            try:
-                while self.error is None and len(rest):
-                    count = self._file.write(rest)
-                    self.written += count
-                    rest = rest[count:]
-            except OSError as error:
-                self.error = error
+        while some := self._some_more():
+            self._keep(some)
+        self._idle.set()
+
+    def _some_more(self) -> bytes:
+        self._idle.set()
+        select.select([self._out], [], [])
+        self._idle.clear()
+        return os.read(self._out, AT_ONCE)
+
+    def _keep(self, some: bytes) -> None:
+        rest = memoryview(some)
+        try:
+            while self.error is None and len(rest):
+                count = self._file.write(rest)
+                self.written += count
+                rest = rest[count:]
+        except OSError as error:
+            self.error = error
+
+
+def _unread(pipe: int) -> int:
+    """How much is in a pipe [bytes]."""
+    import fcntl
+    import termios
+
+    return struct.unpack("i", fcntl.ioctl(pipe, termios.FIONREAD, bytes(4)))[0]
 
 
 def room_at(path: Path, *, written: int = 0) -> int:
