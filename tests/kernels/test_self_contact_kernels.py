@@ -449,6 +449,27 @@ def test_attached_vertices_alone_are_not_pushed():
     assert not held.any()
 
 
+@pytest.mark.parametrize("share", [0.9, 0.5, 0.02, 1e-4])
+def test_what_is_free_is_not_thrown_far_for_the_sake_of_attached_ones(share: float):
+    """A vertex that is carried at 1 m/s towards a triangle of which one corner is free, and close to which it isn't."""
+    weights = (1.0, -share, -(1.0 - share) / 2.0, -(1.0 - share) / 2.0)
+    inverse_mass = np.array([0.0, 4e3, 0.0, 0.0])
+    x, v = np.zeros((3, 4)), np.zeros((3, 4))
+    v[2, 0], step, force, held = -1.0, 1e-4, np.zeros((1, 3)), np.zeros((3, 4))
+    for _ in range(50):
+        free, came = v[2, 1], v[2, 0] - share * v[2, 1]
+        self_contact.push(
+            0, 0, 1, 2, 3, *weights, 1e-3, 1e-4, 0.0, 0.0, 1.0, force, 0.0, step, step, True, inverse_mass, *x, *v, held
+        )
+        # Stopped as far as leverage goes, and never thrown further than that.
+        thrown = min(1.0 / share, 2.0) * abs(came)
+        np.testing.assert_allclose(v[2, 1] - free, -thrown if came < 0.0 else 0.0, rtol=1e-9, atol=1e-12)
+        v[2, 1] = 0.0
+        # What is held goes on as a force of no more than a part of that for each beat.
+        assert abs(held[2, 1]) * step <= 100.0 * abs(came)
+        held[:] = 0.0
+
+
 def crumple(contact: self_contact.Layers, s: State, frames: int) -> None:
     """Let a cloth go on without springs, kept apart."""
     step, inverse_mass = 2e-4, np.full(s.x.size, 2e3)
