@@ -12,6 +12,8 @@ from cape.cloth.patches.patchwork import Patchwork
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+HELD = 0.95  # of the strain that a fabric allows, to which threads are taken back: what sweeps leave stays within it
+
 
 def patchwork_of(cloth: Cloth) -> Patchwork | None:
     """What tells which piece of a cloth is of which fabric; None where all is of one."""
@@ -41,3 +43,8 @@ def of_vertices(cloth: Cloth, value: Callable[[Fabric], ArrayLike], vertices: In
     if not isinstance(cloth, MeshCloth) or cloth.patchwork is None:
         return np.array(value(cloth.fabric), float)
     return cloth.patchwork.of_vertices(value, cloth.faces, vertices)
+
+
+def longest_allowed(rest: FloatArray, limit: ArrayLike) -> FloatArray:
+    """To what length threads are taken back [m] that are so long at rest [m] and may be strained up to a limit."""
+    return (1.0 + HELD * np.asarray(limit, float)) * rest

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.fabrics import of_vertices
+from cape.assembly.fabrics import longest_allowed, of_vertices
 from cape.assembly.geodesics import geodesic_distances
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import Cloth
@@ -102,7 +102,7 @@ def ties_of(cloth: Cloth, springs: Springs, attached: Attached) -> Ties:
     chosen = springs.measured & (first >= 0) & (second >= 0)
     limit = of_vertices(cloth, lambda f: min(f.limit_warp, f.limit_weft), springs.first[chosen])
     room = (np.zeros((count, 3)) for _ in range(2))
-    return Ties(first[chosen], second[chosen], (1.0 + limit) * springs.rest[chosen], *room)
+    return Ties(first[chosen], second[chosen], longest_allowed(springs.rest[chosen], limit), *room)
 
 
 def rails_of(scene: Scene, holds: list[Hold]) -> Rails | None:

@@ -14,7 +14,7 @@ from cape.kernels.calling import Bound
 from cape.kernels.cloth.measure import is_grid_strained, is_strained
 from cape.kernels.state import State
 
-LEFT = 0.01  # strain beyond their limit that sweeps over threads may leave
+LEFT = 0.01  # strain beyond their limit that is left where shorter steps have not helped for some time
 TUG = 12  # frames in a row in which threads are too long, after which it is no tug, but a body that they lie around
 TORN = 0.1  # strain beyond their limit at which a few threads bear what others are not let to
 
@@ -45,7 +45,7 @@ class StrainLimit:
         springs, free = assembly.springs, assembly.free
         self._chosen = chosen = springs.measured & (free[springs.first] | free[springs.second])
         self._first, self._second, self._rest = springs.first[chosen], springs.second[chosen], springs.rest[chosen]
-        self._most = of_vertices(assembly.cloth, lambda f: max(f.limit_warp, f.limit_weft), self._first) + LEFT
+        self._most = of_vertices(assembly.cloth, lambda f: max(f.limit_warp, f.limit_weft), self._first)
         self._state, self._colliders = state, assembly.contacts.colliders
         self._longest, self._usual = longest, [each.copy() for each in longest]
         self._acts, self.lasting = len(longest) > 0, 0

@@ -108,7 +108,8 @@ OWN = {
     "backstop": {"keep_in_front"},
     "sliding": {"slide"},
     "soft": {"aim_pull", "pull_vertices"},
-    "strain limit": {"limit_down", "limit_across", "begin_drawing", "end_drawing"},  # of these two with colliders
+    # The last two with colliders.
+    "strain limit": {"limit_down", "limit_across", "is_strained", "begin_drawing", "end_drawing"},
     "tearing": {"stray_springs", "gauge_grid", "bear"},
     "thread": {"wait_for_all"},
     "xpbd": {"fall_all", "drift_all", "prepare_grid", "solve_grid", "aim_attached"},

@@ -11,10 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 import cape
+from cape.assembly.fabrics import HELD
 from cape.assembly.geodesics import geodesic_distances
 from cape.assembly.self_contact import connected_pieces
 from cape.cloth.meshing import as_mesh
-from cape.run.strain_limit import LEFT
 from tests.tearing.to_tear import IDENTITY, still
 
 LIMIT, SLACK, G = 0.03, 0.01, 9.81
@@ -107,8 +107,8 @@ def test_without_either_it_is_drawn_out():
 def test_what_still_hangs_stays_within_its_limit_and_its_tethers(kind):
     _, kept, _ = torn(kind)
     strains, beyond = np.array(kept).T
-    assert strains.max() < LIMIT + LEFT
-    assert strains[10:20].max() > LIMIT  # which it needs once a slit lets tethers out
+    assert strains.max() < LIMIT
+    assert strains[10:20].max() > HELD * LIMIT  # which it needs once a slit lets tethers out
     # Contact and limit come after the tethers in a substep, and may undo as much as one sweep of theirs takes.
     assert beyond.max() < 1e-3
 
@@ -148,7 +148,7 @@ def test_other_solvers_let_go_of_it_too(solver: cape.Solver):
         simulation.step(still("rod"), FRAME)
         strains.append(strain(simulation, ~off))
     assert solver.substeps is not None
-    assert 0.99 * LIMIT < max(strains) < LIMIT + LEFT
+    assert 0.99 * HELD * LIMIT < max(strains) < LIMIT
     time = FRAME * (len(fallen) - 1)
     # Both are of first order, ahead as symplectic Euler is; positions are in single precision.
     drop = G * (time**2 + time * FRAME / solver.substeps) / 2.0
@@ -174,7 +174,7 @@ def test_it_parts_by_itself_below_its_limit_the_same_on_all_threads():
     one, two = (drawn_apart("grid", threads, 0.12) for threads in (1, 2))
     assert one.tears == two.tears >= COLUMNS - 1
     assert np.array_equal(one.positions, two.positions)
-    assert strain(one) < LIMIT + LEFT
+    assert strain(one) < LIMIT
 
 
 def test_a_ledger_closes_where_what_is_kept_short_tears():
@@ -236,7 +236,7 @@ def test_threads_that_no_limit_could_keep_are_limited_again_after_a_tear():
     assert count > 0
     assert np.isinf(strays.links.longest[:count]).all()
     cloth.limit.acts = True
-    assert np.allclose(strays.links.longest[:count], (1.0 + LIMIT) * 0.05)
+    assert np.allclose(strays.links.longest[:count], (1.0 + HELD * LIMIT) * 0.05)
     # Nothing joins the row of the tear to the one below any more but what is astray.
     longest = cloth.running.longest
     assert longest is not None

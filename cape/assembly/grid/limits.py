@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
+from cape.assembly.fabrics import longest_allowed
 from cape.assembly.grid.split_springs import SplitSprings
 from cape.cloth.cloth import Cloth, GridCloth
 from cape.cloth.split_grid import SplitGrid
@@ -23,7 +24,7 @@ def longest_threads(assembly: Assembly, dtype: type[np.floating]) -> Array | Non
     families = assembly.springs.families
     if not assembly.scene.strain_limit or families is None:
         return None
-    longest = ((1.0 + _limits(assembly.cloth)[:, None]) * families.rest[:2]).astype(dtype)
+    longest = longest_allowed(families.rest[:2], _limits(assembly.cloth)[:, None]).astype(dtype)
     if isinstance(assembly.cloth, SplitGrid):
         longest[families.stiffness[:2] == 0.0] = np.inf
     return longest
@@ -56,7 +57,7 @@ def fill_links(room: StrayLinks, assembly: Assembly) -> None:
     strays, family = strays[order], family[order]
     count = room.counts[0] = len(strays)
     room.links.first[:count], room.links.second[:count] = springs.first[strays], springs.second[strays]
-    room.links.longest[:count] = (1.0 + _limits(grid)[family]) * springs.rest[strays]
+    room.links.longest[:count] = longest_allowed(springs.rest[strays], _limits(grid)[family])
 
 
 def _limits(cloth: Cloth) -> NDArray[np.float64]:

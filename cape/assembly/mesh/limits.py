@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
-from cape.assembly.fabrics import of_vertices
+from cape.assembly.fabrics import longest_allowed, of_vertices
 from cape.assembly.geodesics import geodesic_distances
 from cape.cloth.cloth import MeshCloth
 from cape.kernels.solve.link_limit import Links
@@ -32,7 +32,7 @@ def limited_links(assembly: Assembly, dtype: type[np.floating]) -> Links | None:
     return Links(
         first[order].astype(np.uint32),
         second[order].astype(np.uint32),
-        ((1.0 + limits) * rest)[order].astype(dtype),
+        longest_allowed(rest, limits)[order].astype(dtype),
         chain,
     )
 
