@@ -9,6 +9,7 @@ import pytest
 import cape
 import skeleton
 from cape.air.wind import Wind
+from cape.assembly.fabrics import HELD
 from cape.assembly.membrane import plane_stiffness
 from cape.assembly.mesh.limits import limited_links
 from cape.assembly.mesh.pieces import alike_pieces, pieces_of
@@ -31,7 +32,7 @@ from cape.measure.ledger import Balance, Ledger
 from cape.outfits.combined import Outfit, as_mesh, combined, of_fabric, takes_apart
 from cape.record.worn import worn_of
 from cape.run.simulation import Simulation
-from cape.run.strain_limit import LEFT, StrainLimit
+from cape.run.strain_limit import StrainLimit
 from cape.scene.holding.attachments import attach
 from cape.scene.scene import Scene
 from cape.solvers import SOLVERS, XPBD, Solver
@@ -214,12 +215,16 @@ def test_threads_may_get_as_long_as_the_fabric_of_each_lets_them():
     springs = run.assembly.springs
     rest = dict(zip(zip(springs.first, springs.second, strict=True), springs.rest, strict=True))
     may = zip(links.first, links.second, links.longest, strict=True)
-    assert {round(most / rest[a, b] - 1.0, 6) for a, b, most in may} == {0.01, 0.02, 0.05, 0.06}
+    assert {round(most / rest[a, b] - 1.0, 6) for a, b, most in may} == {
+        round(HELD * each, 6) for each in (0.01, 0.02, 0.05, 0.06)
+    }
     ties, attached = run.assembly.ties, run.assembly.attached
     assert ties is not None
     assert attached is not None
     pairs = zip(attached.vertices[ties.first], attached.vertices[ties.second], ties.longest, strict=True)
-    assert {round(most / rest[a, b] - 1.0, 6) for a, b, most in pairs} == {0.01, 0.05}
+    assert {round(most / rest[a, b] - 1.0, 6) for a, b, most in pairs} == {
+        round(HELD * each, 6) for each in (0.01, 0.05)
+    }
     moving = moved(scene, DOUBLE[0], 400, frames=8).positions
     alone = np.concatenate([moved(held(each, limit=True), DOUBLE[0], 400, frames=8).positions for each in sheets])
     np.testing.assert_allclose(moving, alone, atol=1e-10)
@@ -234,9 +239,9 @@ def test_threads_may_get_as_long_as_the_fabric_of_each_lets_them():
         return limit.excess()
 
     # Too much for the one, not for the other.
-    assert excess(0.04, 0.04) == pytest.approx(0.04 - (0.02 + LEFT), abs=1e-9)
-    assert excess(0.0, 0.04) == excess(0.025, 0.065) == 0.0
-    assert excess(0.0, 0.08) == pytest.approx(0.08 - (0.06 + LEFT), abs=1e-9)
+    assert excess(0.04, 0.04) == pytest.approx(0.04 - 0.02, abs=1e-9)
+    assert excess(0.0, 0.04) == excess(0.0199, 0.0599) == 0.0
+    assert excess(0.0, 0.08) == pytest.approx(0.08 - 0.06, abs=1e-9)
 
 
 def test_what_a_mesh_of_several_fabrics_can_not_be_is_told():
