@@ -22,8 +22,8 @@ Array = NDArray[np.floating]
 Indices = NDArray[np.int64]
 
 PASSES = 4  # around the colliders that a held vertex is between
-ROUNDS = 8  # out of colliders and back together
-SWEEPS = 16  # over all threads in a round
+ROUNDS = 16  # out of colliders and back together
+SWEEPS = 64  # over all threads in a round
 SLACK = 1e-3  # of its longest, by which a thread may stay too long
 
 
