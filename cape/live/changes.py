@@ -11,8 +11,8 @@ from cape.assembly.fabrics import patchwork_of
 from cape.cloth.fabric import Fabric
 from cape.cloth.fabrics import fabric as fabric_named
 from cape.live.builder import Builder
-from cape.live.holds import corners, rim, tear_path
-from cape.live.rig import Built, Rig
+from cape.live.holds import corners, let_go, rim, tear_path
+from cape.live.rig import PIN, Built, Rig
 from cape.outfits.combined import of_fabric
 from cape.scene.scene import Scene
 from cape.scene.self_contact import SelfContact
@@ -48,6 +48,7 @@ class Changes:
         self._untold: list[tuple[int, str | Callable[[], str]]] = []
         self._calm = rig.scene.wind
         self._tears = 0
+        self._led: dict[int, tuple[str, bool]] = {}  # by what, and whether it holds for this alone
 
     # -- wind --
 
@@ -200,21 +201,51 @@ class Changes:
 
         def made(before: Scene) -> tuple[Scene, str]:
             vertices, name = self._part(place)
-            scene, held = self._rig.with_pin(before, vertices, f"pin {name}")
+            scene, held = self._rig.with_pin(before, vertices, f"{PIN}{name}")
             return scene, f"{name} {'pinned' if held else 'let go'}"
 
         self._change_scene(made)
+
+    def take_hold(self, vertex: int) -> None:
+        """Take a vertex in the hand, for `reach` to lead it: what bones hold stays theirs, and the next one is taken.
+
+        What is pinned already is led as it is, and stays pinned where it is let go.
+        """
+
+        def take_hold() -> str | None:
+            before = self._wanted
+            scene, name = self._rig.with_hand(before, vertex)
+            taken = scene is not before
+            self._led[vertex] = name, taken or self._led.get(vertex, ("", False))[1]
+            if taken:
+                self._ask(scene, f"{name.removeprefix(PIN)} pinned")
+            return None
+
+        self._do(take_hold)
 
     def reach(self, vertex: int, place: ArrayLike) -> None:
         """Have a vertex that is pinned go to a place in the world [m], as fast as a hand."""
 
         def reach() -> str | None:
-            # One that is only being pinned, or was let go meanwhile, is not led anywhere.
+            name, _ = self._led.get(vertex, (f"{PIN}vertex {vertex}", False))
+            # One that was let go meanwhile is not led anywhere.
             with suppress(KeyError):
-                self._rig.hands.reach(f"pin vertex {vertex}", place)
+                self._rig.hands.reach(name, place)
             return None
 
         self._do(reach)
+
+    def let_go(self, vertex: int) -> None:
+        """Let go of what `take_hold` has taken; nothing where it was not, or not by a hand."""
+
+        def release() -> str | None:
+            name, taken = self._led.pop(vertex, ("", False))
+            scene = let_go(self._wanted, self._rig.pins[name]) if taken else None
+            if scene is not None:
+                self._ask(scene, f"{name.removeprefix(PIN)} let go")
+            return None
+
+        self._do(release)
 
     def tear(self, path: ArrayLike | None = None) -> None:
         """Tear the cloth along a path of vertices, None for one from its rim inwards, each time at another place."""

@@ -331,6 +331,7 @@ class Live:
 
     def _change(self) -> None:
         """Do what was asked for since the last frame, and take over what was built."""
+        said: list[str] = []
         while True:
             try:
                 change = self._todo.get_nowait()
@@ -341,13 +342,15 @@ class Live:
             except UserError as error:
                 text = str(error)
             if text is not None:
-                self.say(text)
+                said.append(text)
         for text, error in self._builder.deliver():
             if error is not None and not isinstance(error, UserError):
                 raise error
             told = text if error is None else str(error)
             if told is not None:
-                self.say(told)
+                said.append(told)
+        if said:
+            self.say(", ".join(said))
 
     def _stand_still(self) -> None:
         """Wait until there is something to do."""

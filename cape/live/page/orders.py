@@ -14,9 +14,9 @@ def orders_of(live: Live) -> dict[str, Callable[..., object]]:
     """What can be asked of a run, by name."""
     changes = live.changes
     return {
-        "grab": lambda vertex: changes.pin([int(vertex)]),
+        "grab": lambda vertex: changes.take_hold(int(vertex)),
         "reach": lambda vertex, x, y, z: changes.reach(int(vertex), (float(x), float(y), float(z))),
-        "let_go": lambda vertex: changes.pin([int(vertex)]),
+        "let_go": lambda vertex: changes.let_go(int(vertex)),
         "move": lambda bone, x, y, z: changes.move(str(bone), (float(x), float(y), float(z))),
         "wind": lambda x, y, z: changes.set_wind((float(x), float(y), float(z))),
         "fabric": lambda name: changes.set_fabric(str(name)),
