@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cape.assembly.fabrics import patchwork_of
 from cape.cloth.fabric import Fabric
+from cape.cloth.fabrics import FABRICS
 from cape.cloth.fabrics import fabric as fabric_named
 from cape.live.builder import Builder
 from cape.live.holds import corners, let_go, rim, tear_path
@@ -107,9 +108,9 @@ class Changes:
 
         def change() -> str | None:
             now = self._rig.simulation.substeps
-            count = max(round(now * factor), 1) if factor > 1.0 else max(int(now * factor), 1)
+            count = max(round(now * factor), now + 1) if factor > 1.0 else max(int(now * factor), 1)
             self.solver = replace(self._rig.solver, substeps=count)
-            self.use(self.solver, f"{count} substeps")
+            self.use(self.solver, f"{count} substep{'s' * (count > 1)}")
             return None
 
         self._do(change)
@@ -283,6 +284,12 @@ class Changes:
             return None
 
         self._do(move)
+
+    @property
+    def fabric(self) -> str:
+        """Name of the fabric that the cloth is all of, empty for one without a name or several."""
+        cloth = self._wanted.cloth
+        return next((n for n, f in FABRICS.items() if f == cloth.fabric and patchwork_of(cloth) is None), "")
 
     @property
     def corners(self) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from cape.live.feed.screen import Screen
 from cape.live.keeping import Keeper
 from cape.live.pace.pacing import Pacer, Step
 from cape.live.pace.savings import Savings
-from cape.live.page.orders import obey
+from cape.live.page.orders import beginning_of, obey
 from cape.live.rig import Rig
 from cape.live.sources import Dressed, Source, Told, ToldSource, TrackSource
 from cape.live.status import Status
@@ -132,7 +132,7 @@ class Live:
         if self._viewing != "none":
             self._screen = Screen(
                 self._rig, self.name, viewing=self._viewing, bind=self._bind, surfaces=self._surfaces, skin=self._skin,
-                hear=lambda line: obey(self, line),
+                hear=lambda line: obey(self, line), begins=beginning_of(self._rig, self.changes.fabric),
             )  # fmt: skip
             self._screen.show(0)
         self._thread = threading.Thread(target=self._run, name="cape-physics", daemon=True)

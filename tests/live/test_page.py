@@ -1,6 +1,7 @@
 """What is dragged on the page, without a browser: drags as orders, what of them reaches the cloth, and what a server
 tells those who look."""
 
+import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,7 +14,9 @@ import pytest
 import cape
 from cape.live.feed.mailbox import LiveFrame
 from cape.live.feed.viewers import LOOPBACK, free_port
+from cape.live.page.controls import OWN, add_controls
 from cape.live.page.grips import REMEMBERED, Grips
+from cape.live.page.orders import beginning_of
 from cape.record.moments import Shown
 from cape.scene.standard_scenes import swing
 
@@ -101,6 +104,26 @@ def page() -> Iterator[tuple[Any, Any, list[Any]]]:
         server.stop()
 
 
+def test_controls_stand_at_what_the_run_begins_with():
+    cloth = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.5, fabric=cape.fabric("denim"))
+    scene = cape.Scene(cloth, [cape.attach(cloth, "rod", "top")], wind=cape.Wind(velocity=(-3.0, 0.0, 20.0)))
+    run = cape.Live(scene, lambda _: {"rod": (np.zeros(3), (1.0, 0.0, 0.0, 0.0))}, solver=cape.XPBD(), viewer="none")
+    begins = json.loads(beginning_of(run._rig, run.changes.fabric))
+    wind = [("wind x [m/s]", -3.0), ("wind y [m/s]", 0.0), ("wind z [m/s]", 20.0)]
+    rest = [("speed", 1.0), ("paused", False)]
+    assert controls(begins) == [*wind, ("fabric", "denim"), ("solver", "xpbd"), ("self-contact", False), *rest]
+    assert ("fabric", OWN) in controls({**begins, "fabric": ""})
+
+
+def controls(begins: dict[str, Any]) -> list[tuple[str, Any]]:
+    """What stands on a page's controls."""
+    with page() as (server, _, said):
+        add_controls(server.gui, begins, lambda *order: said.append(order))
+        handles = server.gui._gui_input_handle_from_uuid.values()
+        assert said == []
+        return [(h.label, h.value) for h in handles if h.label not in ("substeps", "tear", "put on anew")]
+
+
 def swinging() -> tuple[Shown, LiveFrame]:
     standard = swing(spacing=0.25)
     scene, track = standard.scene, standard.track
@@ -135,22 +158,48 @@ def test_drags_reach_the_run_in_the_order_in_which_they_happened():
     with page() as (server, stage, said):
         stage.begin(shown, frame)
         stage.show(frame)
-        with told_by_browser(server) as tell:
+        with connected(server) as send:
             place = frame.positions[7].tolist()
-            for _ in range(30):
-                for phase in ("start", "update", "update", "end"):
-                    tell(phase, place)
-            for _ in range(1000):
-                if len(said) >= 30 * 5:
-                    break
-                time.sleep(0.01)
+            for phase in ("start", "update", "update", "end") * 30:
+                send(
+                    type="SceneNodeDragMessage", phase=phase, name="/cape", instance_index=None, button="left",
+                    modifier=None, owner="", start_position=place, start_screen_pos=[0.5, 0.5], end_position=place,
+                    end_screen_pos=[0.5, 0.5],
+                )  # fmt: skip
+            until(lambda: len(said) >= 30 * 5)
     assert [order[0] for order in said] == ["grab", "reach", "reach", "reach", "let_go"] * 30
     assert {order[1] for order in said} == {7}
 
 
+def test_what_is_chosen_on_the_page_is_asked_for():
+    """One wind slider is moved again and again, and then each of the others: all three are told each time, in order."""
+    with page() as (server, _, said):
+        add_controls(server.gui, {"wind": [1.0, 2.0, 3.0]}, lambda *order: said.append(order))
+        known = {h.label: h._impl.uuid for h in server.gui._gui_input_handle_from_uuid.values()}
+        chosen = [("wind x [m/s]", v) for v in np.arange(0.5, 12.5, 0.5).tolist()]
+        chosen += [("wind z [m/s]", -4.0), ("fabric", "denim"), ("solver", "xpbd"), ("self-contact", False)]
+        chosen += [("speed", 0.5), ("paused", True)]
+        with connected(server) as send:
+            for label, value in chosen:
+                send(type="GuiUpdateMessage", uuid=known[label], updates={"value": value})
+            until(lambda: len(said) >= len(chosen))
+    assert said[:24] == [("wind", x, 2.0, 3.0) for x in np.arange(0.5, 12.5, 0.5)]
+    assert said[24:] == [
+        ("wind", 12.0, 2.0, -4.0), ("fabric", "denim"), ("solver", "xpbd"), ("self_contact", False), ("speed", 0.5),
+        ("pause", True),
+    ]  # fmt: skip
+
+
+def until(done: Callable[[], bool]) -> None:
+    for _ in range(1000):
+        if done():
+            return
+        time.sleep(0.01)
+
+
 @contextmanager
-def told_by_browser(server: Any) -> Iterator[Callable[[str, list[float]], None]]:
-    """A connection as a browser has one; gives what tells of a drag of the cloth."""
+def connected(server: Any) -> Iterator[Callable[..., None]]:
+    """A connection as a browser has one; gives what tells something there."""
     import msgspec
     import viser
     from websockets.sync.client import connect
@@ -162,16 +211,9 @@ def told_by_browser(server: Any) -> Iterator[Callable[[str, list[float]], None]]
         def send(**message: Any) -> None:
             there.send(msgspec.msgpack.encode(message))
 
-        def tell(phase: str, place: list[float]) -> None:
-            send(
-                type="SceneNodeDragMessage", phase=phase, name="/cape", instance_index=None, button="left",
-                modifier=None, owner="", start_position=place, start_screen_pos=[0.5, 0.5], end_position=place,
-                end_screen_pos=[0.5, 0.5],
-            )  # fmt: skip
-
         # A browser is not known before it has told how it looks.
         send(
             type="ViewerCameraMessage", wxyz=[1, 0, 0, 0], position=[0, 0, 0], fov=1, near=0.1, far=9, image_height=9,
             image_width=9, look_at=[0, 0, 1], up_direction=[0, 0, 1],
         )  # fmt: skip
-        yield tell
+        yield send

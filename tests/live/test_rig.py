@@ -206,3 +206,16 @@ def test_the_line_of_status_fits_and_says_what_there_is():
     assert len(status.line(80)) == 79
     assert "mm" not in replace(status, error_mm=float("nan")).line(200)
     assert "paused" in replace(status, paused=True).line(80)
+
+
+def test_more_substeps_are_more_from_one_on():
+    rig, changes, builder = swinging(self_contact=False)
+    changes.set_solver("xpbd", substeps=1)
+    builder.work()
+    builder.hand_over()
+    counts = []
+    for factor in (1.25, 1.25, 1.25, 1.25, 0.8, 0.8, 0.8, 0.8, 0.8):
+        advance(rig, 1)
+        changes.set_substeps(factor)
+        counts.append(rig.solver.substeps)
+    assert counts == [2, 3, 4, 5, 4, 3, 2, 1, 1]

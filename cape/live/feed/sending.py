@@ -38,7 +38,10 @@ def main(folder: Path, url: str) -> NoReturn:
     for frame in arriving(box):
         begins = shown is None or frame.setup != setup
         if shown is None or begins:
-            shown, setup = read_setup(folder, frame.setup), frame.setup
+            newer = read_setup(folder, frame.setup)
+            if newer is None:
+                continue
+            shown, setup = newer, frame.setup
         track = shown.track(frame.time, frame.bone_positions, frame.rotations_wxyz, frame.morphs)
         if stream is None or recording is None:
             stream = rr.RecordingStream(f"cape live {shown.name}", recording_id=uuid.uuid4())
@@ -102,9 +105,12 @@ def write_setup(folder: Path, number: int, shown: Shown) -> None:
     partial.replace(folder / f"setup-{number}")
 
 
-def read_setup(folder: Path, number: int) -> Shown:
-    """What was handed over."""
-    return pickle.loads((folder / f"setup-{number}").read_bytes())
+def read_setup(folder: Path, number: int) -> Shown | None:
+    """What was handed over; None where it has been taken away, since several newer ones are there."""
+    try:
+        return pickle.loads((folder / f"setup-{number}").read_bytes())
+    except FileNotFoundError:
+        return None
 
 
 __all__ = ["LiveFrame", "main", "read_setup", "write_setup"]

@@ -1,4 +1,5 @@
-"""What the page asks for, as lines of JSON: the only ones that there are, each with numbers and names alone."""
+"""What the page asks for, as lines of JSON: the only ones that there are, each with numbers and names alone; and what
+it begins with."""
 
 from __future__ import annotations
 
@@ -8,6 +9,18 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from cape.live.live import Live
+    from cape.live.rig import Rig
+
+
+def beginning_of(rig: Rig, fabric: str) -> str:
+    """What the page's controls stand at as a run begins, as JSON; the name of its fabric is empty for one without."""
+    wind = (0.0, 0.0, 0.0) if rig.wind is None else rig.wind.velocity
+    return json.dumps({
+        "wind": [float(part) for part in wind],
+        "fabric": fabric,
+        "solver": rig.solver.name,
+        "self_contact": rig.scene.self_contact is not None,
+    })  # fmt: skip
 
 
 def orders_of(live: Live) -> dict[str, Callable[..., object]]:
