@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cape.live.feed.mailbox import Mailbox
-from cape.live.feed.sending import arriving, read_setup
+from cape.live.feed.sending import arriving, read_setup, tidy
 from cape.live.page.controls import add_controls
 from cape.live.page.grips import Grips
 from cape.live.page.stage import Stage
@@ -39,6 +39,7 @@ def main(folder: Path, host: str, port: int, begins: Mapping[str, Any]) -> int:
             stage.begin(shown, frame)
         if frame.number % SHOWN_EACH == 0:
             stage.show(frame)
+    tidy(folder)
     return 0
 
 
