@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import cape
 from cape.live.changes import Changes
-from cape.live.pace.falling_behind import LOOKED_AT
+from cape.live.pace.falling_behind import LOOKED_AT, VAIN
 from cape.live.pace.savings import IN_TIME, Savings
 from cape.live.rig import Rig
 from tests.live.rigs import advance, swinging
@@ -78,7 +78,7 @@ def test_a_level_that_saves_nothing_is_given_back_with_a_word():
     ]  # fmt: skip
     assert rig.solver == cape.XPBD(substeps=20)
     assert told[-1] == "xpbd in 20, slower than real time"
-    frames(1000)
+    frames(VAIN - 1)
     assert set(told[3 * LOOKED_AT :]) == {"xpbd in 20, slower than real time"}
     changes.set_self_contact(False)
     frames(2 * LOOKED_AT)

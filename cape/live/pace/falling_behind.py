@@ -6,30 +6,33 @@ from dataclasses import dataclass
 
 FULL = 0.95  # of a frame's time, from which on steps take too long
 ROOM = 0.7  # of it, below which what would be given back has room
-SAVED = 0.9  # of the time that a frame took before, above which nothing was saved by what was given up
+SAVED = 0.9  # of the least time that a frame took before, above which nothing was saved by what was given up
 LOOKED_AT = 30  # frames
-LATELY = 10  # the last of them, which tell how long frames take where that has just changed
+LATELY = 10  # the last of them, of which the least time is taken, before a level is left: others may compute just now
+VAIN = 300  # frames after which what has saved nothing is tried again, at first; twice as many each time, until
+MOST_VAIN = 18000  # frames
 PATIENCE = 90  # frames for which there has to be room, at first
 MOST_PATIENCE = 1800  # frames, the same after it was given back in vain
-TRIAL = 1800  # frames with time to spare, after which what seems to have no room is tried, or without, after which what
-# has saved nothing is; twice as many each time
+TRIAL = 1800  # frames with time to spare, after which what seems to have no room is tried; twice as many each time
 
 
 @dataclass
 class _Left:
-    """A level that was left: how long a frame took there, and in the first frames of the next one [s]."""
+    """A level that was left: how long a frame took there, and in the first frames of the next one, and the least that
+    one took there lately [s]."""
 
     level: int
     here: float
+    least: float
     after: float = 0.0
 
 
 @dataclass
 class _Vain:
-    """A level that saved nothing: how long a frame took there [s], the frame from which on it may be tried again, and
-    how many frames it was to wait for that."""
+    """A level that saved nothing: the least that a frame took there [s], the frame from which on it may be tried again,
+    and how many frames it was to wait for that."""
 
-    took: float
+    least: float
     until: int
     wait: int
 
@@ -47,7 +50,7 @@ class FallingBehind:
         self._recent: deque[float] = deque(maxlen=LOOKED_AT)
         self._left: list[_Left] = []
         self._vain: dict[int, _Vain] = {}
-        self._doubted: int | None = None  # a level that has just been found to save nothing
+        self._doubted: list[int] = []  # levels that have just been found to save nothing
         self._frames = 0
         self._roomy, self._patience, self._since = 0, PATIENCE, 0
         self._idle, self._trial = 0, TRIAL
@@ -61,7 +64,7 @@ class FallingBehind:
     @property
     def saved_nothing(self) -> bool:
         """Whether the level that was in force last was left because it saved nothing."""
-        return self._doubted is not None
+        return bool(self._doubted)
 
     @property
     def lowest(self) -> bool:
@@ -71,7 +74,7 @@ class FallingBehind:
     def forget(self) -> None:
         """Take it that each level may save time, whatever was found."""
         self._vain.clear()
-        self._doubted = None
+        self._doubted.clear()
 
     def note(self, seconds: float, period: float) -> int:
         """Take how long a frame has taken, of the time that there is for it [s]; gives the level from now on."""
@@ -83,14 +86,14 @@ class FallingBehind:
         mean = self.mean
         if self._left and self._left[-1].after == 0.0:
             self._left[-1].after = mean
-            if mean > max(SAVED * self._left[-1].here, FULL * period):
-                return self._give_back(mean)
-        self._judge_again(mean)
+            if mean > FULL * period and min(self._recent) > SAVED * self._left[-1].least:
+                return self._give_back()
+        self._judge_again()
         further = self._next_after(self.level)
         if mean > FULL * period and further is not None:
             if self._returned and self._since < PATIENCE:  # too soon
                 self._patience, self._trial = min(2 * self._patience, MOST_PATIENCE), 2 * self._trial
-            self._left.append(_Left(self.level, sum(list(self._recent)[-LATELY:]) / LATELY))
+            self._left.append(_Left(self.level, mean, min(list(self._recent)[-LATELY:])))
             return self._go_to(further)
         self._roomy = self._roomy + 1 if self._has_room(mean, period) else 0
         # How long frames took when a level was left, others may have been the reason of.
@@ -111,23 +114,25 @@ class FallingBehind:
         left = self._left[-1]
         return mean * left.here / left.after < ROOM * period
 
-    def _give_back(self, mean: float) -> int:
+    def _give_back(self) -> int:
         """Leave a level that saves nothing: for a further one, if there is any, else for the one before."""
         vain = self._vain.get(self.level)
-        wait = TRIAL if vain is None else 2 * vain.wait
-        self._vain[self.level] = _Vain(mean, self._frames + wait, wait)
-        further, self._doubted = self._next_after(self.level), self.level
+        wait = VAIN if vain is None else min(2 * vain.wait, MOST_VAIN)
+        self._vain[self.level] = _Vain(min(self._recent), self._frames + wait, wait)
+        self._doubted.append(self.level)
+        further = self._next_after(self.level)
         if further is None:
             return self._go_to(self._left.pop().level)
         self._left[-1].after = 0.0
         return self._go_to(further)
 
-    def _judge_again(self, mean: float) -> None:
+    def _judge_again(self) -> None:
         """Once without what saved nothing, look whether it did not: others may have begun to compute meanwhile."""
-        vain = None if self._doubted is None else self._vain.get(self._doubted)
-        self._doubted = None
-        if vain is not None and vain.wait == TRIAL and vain.took < SAVED * mean:
-            vain.until = self._frames
+        for level in self._doubted:
+            vain = self._vain[level]
+            if vain.wait == VAIN and vain.least < SAVED * min(self._recent):
+                vain.until = self._frames
+        self._doubted.clear()
 
     def _next_after(self, level: int) -> int | None:
         """The next level that may save time, None for none."""
