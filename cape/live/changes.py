@@ -9,10 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from cape.assembly.fabrics import patchwork_of
 from cape.cloth.fabric import Fabric
+from cape.cloth.fabrics import FABRICS
 from cape.cloth.fabrics import fabric as fabric_named
 from cape.live.builder import Builder
-from cape.live.holds import corners, rim, tear_path
-from cape.live.rig import Built, Rig
+from cape.live.holds import corners, let_go, rim, tear_path
+from cape.live.rig import PIN, Built, Rig
 from cape.outfits.combined import of_fabric
 from cape.scene.scene import Scene
 from cape.scene.self_contact import SelfContact
@@ -48,6 +49,7 @@ class Changes:
         self._untold: list[tuple[int, str | Callable[[], str]]] = []
         self._calm = rig.scene.wind
         self._tears = 0
+        self._led: dict[int, tuple[str, bool]] = {}  # by what, and whether it holds for this alone
 
     # -- wind --
 
@@ -106,9 +108,9 @@ class Changes:
 
         def change() -> str | None:
             now = self._rig.simulation.substeps
-            count = max(round(now * factor), 1) if factor > 1.0 else max(int(now * factor), 1)
+            count = max(round(now * factor), now + 1) if factor > 1.0 else max(int(now * factor), 1)
             self.solver = replace(self._rig.solver, substeps=count)
-            self.use(self.solver, f"{count} substeps")
+            self.use(self.solver, f"{count} substep{'s' * (count > 1)}")
             return None
 
         self._do(change)
@@ -200,21 +202,51 @@ class Changes:
 
         def made(before: Scene) -> tuple[Scene, str]:
             vertices, name = self._part(place)
-            scene, held = self._rig.with_pin(before, vertices, f"pin {name}")
+            scene, held = self._rig.with_pin(before, vertices, f"{PIN}{name}")
             return scene, f"{name} {'pinned' if held else 'let go'}"
 
         self._change_scene(made)
+
+    def take_hold(self, vertex: int) -> None:
+        """Take a vertex in the hand, for `reach` to lead it: what bones hold stays theirs, and the next one is taken.
+
+        What is pinned already is led as it is, and stays pinned where it is let go.
+        """
+
+        def take_hold() -> str | None:
+            before = self._wanted
+            scene, name = self._rig.with_hand(before, vertex)
+            taken = scene is not before
+            self._led[vertex] = name, taken or self._led.get(vertex, ("", False))[1]
+            if taken:
+                self._ask(scene, f"{name.removeprefix(PIN)} pinned")
+            return None
+
+        self._do(take_hold)
 
     def reach(self, vertex: int, place: ArrayLike) -> None:
         """Have a vertex that is pinned go to a place in the world [m], as fast as a hand."""
 
         def reach() -> str | None:
-            # One that is only being pinned, or was let go meanwhile, is not led anywhere.
+            name, _ = self._led.get(vertex, (f"{PIN}vertex {vertex}", False))
+            # One that was let go meanwhile is not led anywhere.
             with suppress(KeyError):
-                self._rig.hands.reach(f"pin vertex {vertex}", place)
+                self._rig.hands.reach(name, place)
             return None
 
         self._do(reach)
+
+    def let_go(self, vertex: int) -> None:
+        """Let go of what `take_hold` has taken; nothing where it was not, or not by a hand."""
+
+        def release() -> str | None:
+            name, taken = self._led.pop(vertex, ("", False))
+            scene = let_go(self._wanted, self._rig.pins[name]) if taken else None
+            if scene is not None:
+                self._ask(scene, f"{name.removeprefix(PIN)} let go")
+            return None
+
+        self._do(release)
 
     def tear(self, path: ArrayLike | None = None) -> None:
         """Tear the cloth along a path of vertices, None for one from its rim inwards, each time at another place."""
@@ -252,6 +284,12 @@ class Changes:
             return None
 
         self._do(move)
+
+    @property
+    def fabric(self) -> str:
+        """Name of the fabric that the cloth is all of, empty for one without a name or several."""
+        cloth = self._wanted.cloth
+        return next((n for n, f in FABRICS.items() if f == cloth.fabric and patchwork_of(cloth) is None), "")
 
     @property
     def corners(self) -> tuple[str, ...]:

@@ -15,15 +15,17 @@ from cape.live.builder import Builder
 from cape.live.changes import Changes
 from cape.live.error_watch import ErrorWatch
 from cape.live.feed.screen import Screen
+from cape.live.feed.viewers import require_viewing
 from cape.live.keeping import Keeper
 from cape.live.pace.pacing import Pacer, Step
 from cape.live.pace.savings import Savings
-from cape.live.page.orders import obey
+from cape.live.page.orders import beginning_of, obey
 from cape.live.rig import Rig
 from cape.live.sources import Dressed, Source, Told, ToldSource, TrackSource
 from cape.live.status import Status
 from cape.results.take import Take
 from cape.run.simulate import first_motion
+from cape.run.whereabouts import Diverged
 from cape.scene.scene import Scene
 from cape.solvers import Solver, SymplecticEuler
 from motions.border import checked_first
@@ -90,10 +92,11 @@ class Live:
 
         Raises:
             UnknownNameError: the scene uses a bone that the source has not, or the skin one.
-            ValueRangeError: fps is not above 0 and at most 1000, or the source gives no poses.
+            ValueRangeError: fps is not above 0 and at most 1000, the source gives no poses, or there is no such viewer.
         """
         if not 0.0 < fps <= 1000.0:
             raise ValueRangeError(f"fps must be above 0 and at most 1000, not {fps}")
+        require_viewing(viewer)
         self.fps, self.name = fps, name
         self._source = source_of(source, scene)
         self._first_motion = _first_motion(source, scene, fps)
@@ -120,11 +123,13 @@ class Live:
     # -- running --
 
     def start(self) -> Self:
-        """Compile, put the cloth on, open the viewer, and begin to run.
+        """Compile, put the cloth on, open the viewer, and begin to run; nothing where that was done before.
 
         Raises:
             UserError: the cloth can't be put on, or the viewer does not start.
         """
+        if self._thread is not None:
+            return self
         velocity, spin = self._first_motion
         self._rig.start(velocity=velocity, spin=spin)
         if self._keep:
@@ -132,7 +137,7 @@ class Live:
         if self._viewing != "none":
             self._screen = Screen(
                 self._rig, self.name, viewing=self._viewing, bind=self._bind, surfaces=self._surfaces, skin=self._skin,
-                hear=lambda line: obey(self, line),
+                hear=lambda line: obey(self, line), begins=beginning_of(self._rig, self.changes.fabric),
             )  # fmt: skip
             self._screen.show(0)
         self._thread = threading.Thread(target=self._run, name="cape-physics", daemon=True)
@@ -232,7 +237,8 @@ class Live:
         if self._keeper is None:
             raise ValueRangeError("nothing is kept: give Live keep=True")
         failed = self._failed
-        result = "finished" if failed is None else f"diverged at frame {self._keeper.frames}"
+        ended = "diverged" if isinstance(failed, Diverged) else "stopped"
+        result = "finished" if failed is None else f"{ended} at frame {self._keeper.frames}"
         return self._keeper.take(frames, result=result, warnings=() if failed is None else (str(failed),))
 
     @property
@@ -331,6 +337,7 @@ class Live:
 
     def _change(self) -> None:
         """Do what was asked for since the last frame, and take over what was built."""
+        said: list[str] = []
         while True:
             try:
                 change = self._todo.get_nowait()
@@ -341,13 +348,15 @@ class Live:
             except UserError as error:
                 text = str(error)
             if text is not None:
-                self.say(text)
+                said.append(text)
         for text, error in self._builder.deliver():
             if error is not None and not isinstance(error, UserError):
                 raise error
             told = text if error is None else str(error)
             if told is not None:
-                self.say(told)
+                said.append(told)
+        if said:
+            self.say(", ".join(said))
 
     def _stand_still(self) -> None:
         """Wait until there is something to do."""

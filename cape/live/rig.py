@@ -21,6 +21,7 @@ from motions.errors import UnknownNameError, ValueRangeError
 
 FloatArray = NDArray[np.float64]
 
+PIN = "pin "  # what the names of bones begin with that pin something
 BY_HAND = Tearing(strain=0.6)  # of a cloth that is torn by hand, at whose tips threads then part by themselves
 
 
@@ -227,7 +228,7 @@ class Rig:
         new = built.simulation
         fresh = [name for name in self.pins if not any(a.bone == name for a in self.scene.attachments)]
         for name in fresh:  # it is pinned from here on
-            self.hands.put(name, self.simulation.positions[self.pins[name]].mean(axis=0))
+            self.hands.put(name, self.simulation.positions[self.pins[name]].mean(axis=0), going=True)
         old = self.simulation.snapshot().place
         alike = all(a is b for a, b in zip(self.scene.attachments, new.scene.attachments, strict=False))
         alike = alike and len(self.scene.attachments) == len(new.scene.attachments)
@@ -252,12 +253,36 @@ class Rig:
         if self.simulation.tears:
             raise ValueRangeError("a cloth that has torn stays held as it is, until it is put on anew")
         freed = let_go(scene, vertices)
-        if freed is not None:
-            return freed, False
+        return (self._pinned(scene, vertices, name), True) if freed is None else (freed, False)
+
+    def with_hand(self, scene: Scene, vertex: int) -> tuple[Scene, str]:
+        """A scene in which a hand holds a vertex, or the nearest that no bone holds, and the name of what leads it.
+
+        What is pinned already is led as it is, and stays so: the scene is the same.
+
+        Raises:
+            ValueRangeError: the cloth has torn, has no such vertex, or is held all over.
+        """
+        if self.simulation.tears:
+            raise ValueRangeError("a cloth that has torn stays held as it is, until it is put on anew")
+        if not 0 <= vertex < scene.cloth.vertices:
+            raise ValueRangeError(f"the cloth has vertices 0 to {scene.cloth.vertices - 1}, and no {vertex}")
+        held = {int(each): attachment.bone for attachment in scene.attachments for each in attachment.vertices}
+        if held.get(vertex) in self.pins:
+            return scene, held[vertex]
+        free = np.setdiff1d(np.arange(scene.cloth.vertices), np.array([*held], np.int64))
+        if not len(free):
+            raise ValueRangeError("bones hold all of the cloth")
+        places = self.simulation.positions
+        chosen = free[[np.linalg.norm(places[free] - places[vertex], axis=1).argmin()]]
+        name = f"{PIN}vertex {chosen[0]}"
+        return self._pinned(scene, chosen, name), name
+
+    def _pinned(self, scene: Scene, vertices: NDArray[np.int64], name: str) -> Scene:
         places = self.simulation.positions[vertices]
         self.hands.put(name, places.mean(axis=0))
         self.pins[name] = vertices
-        return pinned(scene, vertices, name, places - places.mean(axis=0)), True
+        return pinned(scene, vertices, name, places - places.mean(axis=0))
 
 
 def _method(solver: Solver) -> Solver:

@@ -208,10 +208,11 @@ class Hands:
         else:
             self._offsets[self.index(bone)] += np.asarray(by, dtype=float)
 
-    def put(self, bone: str, place: ArrayLike) -> None:
-        """Have a bone of one's own stand at a place in the world [m]."""
+    def put(self, bone: str, place: ArrayLike, *, going: bool = False) -> None:
+        """Have a bone of one's own stand at a place in the world [m]; `going` on to where it was to go, if anywhere."""
         self._put[bone] = np.asarray(place, dtype=float)
-        self._goals.pop(bone, None)
+        if not going:
+            self._goals.pop(bone, None)
 
     def reach(self, bone: str, place: ArrayLike) -> None:
         """Have a bone that was put somewhere go to a place in the world [m], no faster than `FASTEST`.

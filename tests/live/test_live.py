@@ -242,7 +242,7 @@ def test_a_source_that_fails_ends_the_run_and_keeps_what_there_was():
     run = Live(SCENE, told, viewer="none", keep=True)
     with pytest.raises(RuntimeError, match="tracker is gone"), run:
         run.wait(LONG)
-    assert run.take().result.startswith("diverged")
+    assert run.take().result == "stopped at frame 13"
     assert len(run.take().positions) == 13  # the first one, and those up to 0.2 s
 
 
@@ -251,6 +251,8 @@ def test_bones_that_the_scene_lacks_are_told_at_once():
         Live(SCENE, lambda _: {"pole": (np.zeros(3), TURNED)}, viewer="none")
     with pytest.raises(ValueRangeError, match="fps"):
         Live(SCENE, rod, fps=0.0)
+    with pytest.raises(ValueRangeError, match=r'viewer is "window", .* not \'browser\''):
+        Live(SCENE, rod, viewer="browser")
     assert issubclass(Diverged, Exception)
 
 
@@ -320,27 +322,28 @@ def test_a_sender_that_is_stopped_is_not_waited_for(deaf: str):
         assert run.failed is None
 
 
-def test_the_sender_ends_with_a_run_that_is_killed(tmp_path: Path, deaf: str):
+def test_the_sender_ends_with_a_run_that_is_killed_and_leaves_nothing(tmp_path: Path, deaf: str):
     script = (
         "import sys, time, tests.live.test_live as t\n"
         "run = t.live(viewer=sys.argv[1], keep=False).start()\n"
-        "print(run.sender_process, flush=True); time.sleep(60)\n"
+        "print(run.sender_process, run._screen.sender._folder.name, flush=True); time.sleep(60)\n"
     )
     process = subprocess.Popen(
         [sys.executable, "-c", script, deaf], cwd=Path(__file__).parents[2], stdout=subprocess.PIPE, text=True
     )
     assert process.stdout is not None
-    sender = int(process.stdout.readline())
+    sender, folder = process.stdout.readline().split()
     process.kill()
     process.wait()
     end = time.monotonic() + LONG
     while Path(f"/proc/{sender}").exists() and time.monotonic() < end:
         time.sleep(0.05)
     assert not Path(f"/proc/{sender}/cmdline").exists() or not Path(f"/proc/{sender}/cmdline").read_bytes()
+    assert not Path(folder).exists()  # which is in memory
 
 
 def test_no_thread_is_left_behind():
-    with live() as run:
+    with live().start() as run:  # twice, which is as once
         until(lambda: run.status.frame >= 2, run)
     assert not [thread.name for thread in threading.enumerate() if thread.name == "cape-physics"]
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from cape.live.pace.falling_behind import LOOKED_AT, PATIENCE, TRIAL, FallingBehind
+from cape.live.pace.falling_behind import LOOKED_AT, PATIENCE, TRIAL, VAIN, FallingBehind
 from cape.live.pace.pacing import Pacer
 
 PERIOD = 1.0 / 64.0  # s, which adds up without rounding
@@ -77,7 +77,8 @@ def test_one_thing_after_the_other_is_given_up_and_no_more_than_there_are():
     behind = FallingBehind(2)
     assert levels(behind, 1.5 * PERIOD, LOOKED_AT)[-2:] == [0, 1]
     assert levels(behind, 1.2 * PERIOD, LOOKED_AT)[-2:] == [1, 2]
-    assert set(levels(behind, 1.2 * PERIOD, 1000)) == {2}
+    assert set(levels(behind, 1.0 * PERIOD, 1000)) == {2}
+    assert behind.lowest
 
 
 def test_a_single_slow_frame_gives_nothing_up():
@@ -128,3 +129,86 @@ def test_what_seemed_to_have_no_room_is_tried_again_ever_more_seldom():
     while behind.note(0.3 * PERIOD, PERIOD) == 1:
         pass
     assert set(levels(behind, 0.6 * PERIOD, 2 * TRIAL)) == {0}
+
+
+def waited_for(behind: FallingBehind, seconds: float, level: int) -> int:
+    """How many frames of so long [s] it takes until a level is in force."""
+    for count in range(1, 40 * TRIAL):
+        if behind.note(seconds, PERIOD) == level:
+            return count
+    raise AssertionError(f"never at {level}")
+
+
+def test_what_saves_nothing_is_given_back_and_tried_again_ever_more_seldom():
+    behind, waits = FallingBehind(2), []
+    assert waited_for(behind, 1.5 * PERIOD, 1) == LOOKED_AT
+    assert not behind.lowest
+    assert waited_for(behind, 1.2 * PERIOD, 2) == LOOKED_AT
+    for _ in range(3):
+        assert waited_for(behind, 1.15 * PERIOD, 1) == LOOKED_AT  # 4 % are nothing
+        assert behind.saved_nothing
+        assert behind.lowest
+        waits.append(waited_for(behind, 1.2 * PERIOD, 2))
+        assert not behind.saved_nothing
+    assert waits == [VAIN, 2 * VAIN, 4 * VAIN]
+    assert set(levels(behind, 1.0 * PERIOD, 1000)) == {2}  # by now it saves something
+
+
+def test_what_saves_nothing_is_skipped_where_the_next_one_does():
+    behind = FallingBehind(2)
+    levels(behind, 1.5 * PERIOD, LOOKED_AT)
+    assert waited_for(behind, 1.5 * PERIOD, 2) == LOOKED_AT
+    assert set(levels(behind, 1.0 * PERIOD, 50)) == {2}
+    # Not by way of what saves nothing.
+    assert PATIENCE <= waited_for(behind, 0.3 * PERIOD, 0) <= PATIENCE + LOOKED_AT
+    assert waited_for(behind, 1.5 * PERIOD, 2) == LOOKED_AT
+
+
+def test_where_nothing_saves_anything_all_is_as_asked_for():
+    behind = FallingBehind(3)
+    seen = levels(behind, 1.5 * PERIOD, 5 * LOOKED_AT)
+    assert [level for level, before in zip(seen, [None, *seen], strict=False) if level != before] == [0, 1, 2, 3, 0]
+    assert behind.lowest
+
+
+def test_what_fits_is_kept_however_little_it_has_saved():
+    behind = FallingBehind(1)
+    levels(behind, 1.0 * PERIOD, LOOKED_AT)
+    assert set(levels(behind, 0.94 * PERIOD, 500)) == {1}
+
+
+def test_a_level_is_measured_by_how_long_frames_took_last_before_it():
+    """The machine becomes busy: the mean of frames before is far less than what they take by now."""
+    behind = FallingBehind(1)
+    levels(behind, 0.5 * PERIOD, 100)
+    waited_for(behind, 1.6 * PERIOD, 1)
+    assert set(levels(behind, 1.2 * PERIOD, 500)) == {1}
+
+
+def test_what_is_saved_shows_also_while_others_compute_now_and_then():
+    """Of a frame a third is saved, of the mean nothing: two of three take thrice as long, where it was one in five."""
+    behind = FallingBehind(1)
+    for k in range(LOOKED_AT):
+        behind.note((3.6 if k % 5 == 0 else 1.2) * PERIOD, PERIOD)
+    assert behind.level == 1
+    assert {behind.note((2.4 if k % 3 else 0.8) * PERIOD, PERIOD) for k in range(1000)} == {1}
+
+
+def test_what_has_saved_something_after_all_is_taken_again_at_once_but_only_once():
+    """Others begin to compute just as a level is left: that is seen once it is in force again."""
+    behind = FallingBehind(1)
+    levels(behind, 1.0 * PERIOD, LOOKED_AT)
+    for again in (LOOKED_AT, 2 * VAIN):
+        assert waited_for(behind, 1.4 * PERIOD, 0) == LOOKED_AT
+        assert waited_for(behind, 2.0 * PERIOD, 1) == again
+        behind._left[-1].least = 1.0 * PERIOD  # as busy again as at first
+
+
+def test_what_may_save_something_under_other_circumstances_is_tried():
+    behind = FallingBehind(1)
+    levels(behind, 1.2 * PERIOD, 2 * LOOKED_AT)
+    assert behind.level == 0
+    assert behind.lowest
+    behind.forget()
+    assert not behind.lowest
+    assert levels(behind, 1.2 * PERIOD, LOOKED_AT)[-1] == 1

@@ -1,6 +1,5 @@
 """What a live run is built of: an error that is estimated, hands that lead, orders that a page gives."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -8,13 +7,9 @@ import numpy as np
 import pytest
 
 import cape
-from cape.live.builder import Builder
-from cape.live.changes import Changes
 from cape.live.error_watch import FRAMES, ErrorWatch
 from cape.live.holds import corners, let_go, rim, tear_path
 from cape.live.live import Live
-from cape.live.pace.falling_behind import LOOKED_AT
-from cape.live.pace.savings import IN_TIME, Savings
 from cape.live.page.orders import obey, orders_of
 from cape.live.rig import Rig
 from cape.live.sources import FASTEST, Hands, ToldSource, TrackSource
@@ -23,55 +18,10 @@ from cape.run.hanging import Hanging
 from cape.scene.standard_scenes import swing
 from cape.solvers.base import Programs
 from motions.errors import ValueRangeError
+from tests.live.rigs import AtOnce, advance, swinging
 
 TURNED = (1.0, 0.0, 0.0, 0.0)
 SHEET = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.1)
-
-
-class AtOnce(Builder):
-    """Makes what it is asked for at once."""
-
-    def ask(self, name: str, make: Callable[[], Any], ready: Callable[[Any], Any]) -> None:
-        ready(make())
-
-
-class Later(Builder):
-    """Makes what it is asked for when it is told to, and hands over what it has made once that is asked for."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.waiting: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {}
-        self.made: list[tuple[Callable[[Any], Any], Any]] = []
-
-    def ask(self, name: str, make: Callable[[], Any], ready: Callable[[Any], Any]) -> None:
-        self.waiting[name] = make, ready
-
-    def work(self) -> None:
-        self.made += [(ready, make()) for make, ready in self.waiting.values()]
-        self.waiting = {}
-
-    def hand_over(self) -> list[str]:
-        made, self.made = self.made, []
-        return [ready(each) for ready, each in made]
-
-
-def at_once(change: Callable[[], str | None]) -> None:
-    change()
-
-
-def swinging(*, self_contact: bool = True) -> tuple[Rig, Changes, Later]:
-    """A sheet that has swung for a while, and what changes it; what is asked for is done at once."""
-    standard, builder = swing(spacing=0.1), Later()
-    scene = replace(standard.scene, self_contact=cape.SelfContact() if self_contact else None)
-    rig = Rig(scene, TrackSource(standard.track), cape.SymplecticEuler(), threads=1)
-    rig.start()
-    advance(rig, 40)
-    return rig, Changes(rig, builder, at_once), builder
-
-
-def advance(rig: Rig, frames: int) -> None:
-    for _ in range(frames):
-        rig.step(1.0 / 60.0)
 
 
 def test_a_solver_that_stands_ready_goes_on_as_one_that_is_laid_out_in_place():
@@ -156,107 +106,6 @@ def test_changes_that_wait_for_each_other_are_all_made_and_told():
     assert rig.scene.self_contact is None
     assert rig.solver == cape.XPBD()
     assert rig.simulation.positions[:, 2].min() > -1.0
-
-
-def savings(rig: Rig, changes: Changes) -> tuple[Savings, Callable[[float, int], list[str]]]:
-    """What gives up something of a run on a machine as fast as told, and what has that be so for some frames.
-
-    A frame of symplectic Euler takes 0.6 of a period, one of XPBD in 20 steps 0.3, times how busy the machine is.
-    """
-    saved, own = Savings(rig, changes), rig.simulation.substeps
-
-    def frames(busy: float, count: int) -> list[str]:
-        seen = []
-        for _ in range(count):
-            of = {"euler": 0.6 / own, "xpbd": 0.3 / 20.0}[rig.solver.name]
-            substeps = own if rig.solver.substeps is None else rig.solver.substeps
-            saved.note(busy * of * substeps / 60.0, 1.0 / 60.0)
-            seen.append(saved.told(1.0))
-        return [told for told, before in zip(seen, [None, *seen], strict=False) if told != before]
-
-    return saved, frames
-
-
-def test_what_is_too_slow_is_given_up_and_taken_back_in_order_without_waiting():
-    """First it goes on in XPBD, which stands ready, in 20 steps, then in 10; then slower; and all the way back."""
-    rig, changes, builder = swinging()
-    first, euler = rig.simulation, rig.solver
-    saved, frames = savings(rig, changes)
-    assert frames(1.0, 200) == [""]
-    builder.work()  # since more than half of the time is used
-    builder.hand_over()
-    assert rig.simulation is first
-    assert frames(2.0, LOOKED_AT + 1) == ["", "xpbd in 20"]
-    assert rig.solver == cape.XPBD(substeps=20)
-    assert not builder.waiting
-    advance(rig, 3)
-    assert frames(2.0, 1000) == ["xpbd in 20"]
-    assert frames(4.0, LOOKED_AT + 1) == ["xpbd in 20", "xpbd in 10"]
-    assert frames(8.0, 1000) == ["xpbd in 10"]
-    assert saved.told(0.8) == "xpbd in 10, slower than real time"
-    # Where the rate goes up and down about that, the line stays as it is.
-    assert {saved.told(rate) for rate in (1.0, 0.96, 1.0, 1.0) * IN_TIME} == {"xpbd in 10, slower than real time"}
-    assert [saved.told(1.0) for _ in range(IN_TIME)][-1] == "xpbd in 10"
-    assert frames(1.0, 1000) == ["xpbd in 10", "xpbd in 20", ""]
-    assert rig.simulation is first
-    assert rig.solver == euler
-    assert not builder.waiting
-    advance(rig, 3)
-    assert frames(1.0, 1000) == [""]
-
-
-def test_substeps_that_stability_can_do_without_are_given_up_first():
-    rig, changes, builder = swinging()
-    own = rig.simulation.substeps
-    _, frames = savings(rig, changes)
-    changes.set_substeps(3.0)
-    advance(rig, 1)
-    assert frames(1.0, 100) == ["", f"{own} substeps"]
-    assert rig.solver == cape.SymplecticEuler(substeps=own)
-    assert not builder.waiting
-    advance(rig, 3)
-    assert frames(0.3, 1000) == [f"{own} substeps", ""]
-    assert rig.solver == cape.SymplecticEuler(substeps=3 * own)
-
-
-def test_while_a_cloth_is_made_ready_nothing_more_is_given_up():
-    rig, changes, builder = swinging()
-    saved, frames = savings(rig, changes)
-    assert frames(2.0, 1000) == ["", "xpbd in 20"]
-    assert rig.solver.name == "euler"
-    assert saved.told(0.8) == "xpbd in 20, slower than real time"
-    builder.work()
-    assert builder.hand_over() == ["too slow: xpbd in 20"]
-    assert rig.solver == cape.XPBD(substeps=20)
-    assert frames(2.0, 1000) == ["xpbd in 20"]
-
-
-def test_what_stood_ready_for_another_scene_is_not_used():
-    rig, changes, builder = swinging()
-    _, frames = savings(rig, changes)
-    frames(1.0, 200)
-    builder.work()
-    changes.set_self_contact(False)
-    builder.work()
-    builder.hand_over()
-    assert rig.ready(cape.XPBD()) is None
-    frames(1.0, 200)
-    builder.work()
-    builder.hand_over()
-    ready = rig.ready(cape.XPBD())
-    assert ready is not None
-    assert ready.simulation.scene is rig.scene
-
-
-def test_a_grid_that_may_tear_is_not_stepped_otherwise_however_slow():
-    rig, changes, builder = swinging()
-    changes.tear()
-    builder.work()
-    builder.hand_over()
-    advance(rig, 1)
-    _, frames = savings(rig, changes)
-    assert frames(4.0, 1000) == [""]
-    assert not builder.waiting
 
 
 def test_what_can_not_be_built_leaves_all_as_it_was():
@@ -357,3 +206,16 @@ def test_the_line_of_status_fits_and_says_what_there_is():
     assert len(status.line(80)) == 79
     assert "mm" not in replace(status, error_mm=float("nan")).line(200)
     assert "paused" in replace(status, paused=True).line(80)
+
+
+def test_more_substeps_are_more_from_one_on():
+    rig, changes, builder = swinging(self_contact=False)
+    changes.set_solver("xpbd", substeps=1)
+    builder.work()
+    builder.hand_over()
+    counts = []
+    for factor in (1.25, 1.25, 1.25, 1.25, 0.8, 0.8, 0.8, 0.8, 0.8):
+        advance(rig, 1)
+        changes.set_substeps(factor)
+        counts.append(rig.solver.substeps)
+    assert counts == [2, 3, 4, 5, 4, 3, 2, 1, 1]

@@ -38,7 +38,7 @@ from cape.scene.scene import Scene
 from cape.solvers import SOLVERS, XPBD, Solver
 from cape.solvers.euler import SymplecticEuler
 from motions.errors import FileError, UserError, ValueRangeError
-from tests.live.test_rig import Later, at_once
+from tests.live.rigs import Later, at_once
 from tests.support.code import name_of, requests_of
 from tests.support.processes import mistake_told
 from tests.support.scenes import DOUBLE, Run, every_solver, grid_cloth, irregular, turn_about, walking

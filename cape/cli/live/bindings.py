@@ -33,7 +33,7 @@ class Bindings:
         """Those that make sense for what is simulated."""
         self._live, self._cast = live, cast
         self._gait = 0
-        self._fabric, self._solver = _place(FABRICS, "cape"), _place(SOLVERS, live.status.solver)
+        self._fabric, self._solver = _place(FABRICS, live.changes.fabric or "cape"), _place(SOLVERS, live.status.solver)
         self._bone = ""
         self.all = [*(self._steering() if cast.character is not None else self._objects()), *self._always()]
         self._by_key = {key: binding for binding in self.all for key in binding.keys}

@@ -12,6 +12,7 @@ from motions.files import printable
 
 PAINTED = 0.1  # [s] between looks at how it goes
 CLEAR = "\r\x1b[K"
+CALLED = {"c-i": "tab", "c-m": "enter", "c-h": "backspace"}  # keys that come as what they were on a teletype
 GONE: tuple[type[Exception], ...] = (OSError,)  # what is raised by a terminal that has vanished
 with suppress(ImportError):  # Windows
     import termios
@@ -65,7 +66,7 @@ class Terminal:
         if key == "?":
             self.show(self._help())
         elif not self._press(key) and key.isprintable():
-            self._live.say(f"no key {key}: ? tells which there are")
+            self._live.say(f"no key {CALLED.get(key, key)}: ? tells which there are")
 
     def show(self, lines: Sequence[str]) -> None:
         """Write lines above the one that is painted."""

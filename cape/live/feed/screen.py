@@ -39,6 +39,7 @@ class Screen:
         surfaces: Sequence[LinkSurface] = (),
         skin: Skin | None = None,
         hear: Callable[[str], None] | None = None,
+        begins: str = "{}",
     ) -> None:
         """Open the viewer.
 
@@ -48,6 +49,7 @@ class Screen:
             viewing: "window", "web", "page", or the URL of a viewer that runs.
             bind: address to listen on.
             hear: called with what is asked for on the page, a line each.
+            begins: what its controls stand at, as JSON.
             surfaces: meshes that the bones carry.
             skin: mesh that they move.
 
@@ -69,7 +71,7 @@ class Screen:
         if viewing == "page":
             if find_spec("viser") is None:
                 raise UserError("to take cloth in the hand needs viser: pip install 'cape[live]'")
-            where, module = (bind, str(free_port(bind))), "cape.live.page.serving"
+            where, module = (bind, str(free_port(bind)), begins), "cape.live.page.serving"
         try:
             self.sender = Sender(
                 *where,
@@ -80,7 +82,7 @@ class Screen:
                 hear=self._take if viewing == "page" else None,
             )
             if viewing == "page" and not self._served.wait(STARTING):
-                raise UserError("the page is not served; python -m cape.live.page.serving /tmp {bind} 8080 tells why")
+                raise UserError(f"the page is not served; python -m cape.live.page.serving /tmp {bind} 8080 tells why")
         except BaseException:
             self.close()
             raise

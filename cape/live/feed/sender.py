@@ -54,7 +54,7 @@ class Sender:
         """
         try:
             place = FOLDER if os.access(FOLDER, os.W_OK) else None
-            self._folder = tempfile.TemporaryDirectory(prefix="cape-live-", dir=place)
+            self._folder = tempfile.TemporaryDirectory(prefix="cape-live-", dir=place, ignore_cleanup_errors=True)
             self._box = Mailbox.create(Path(self._folder.name) / "frames", vertices, bones, morphs)
         except OSError as error:
             raise UserError(f"can't show anything: no room for frames in memory: {error.strerror}") from error

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import shutil
 import sys
 import uuid
 from collections.abc import Iterator
@@ -38,7 +39,10 @@ def main(folder: Path, url: str) -> NoReturn:
     for frame in arriving(box):
         begins = shown is None or frame.setup != setup
         if shown is None or begins:
-            shown, setup = read_setup(folder, frame.setup), frame.setup
+            newer = read_setup(folder, frame.setup)
+            if newer is None:
+                continue
+            shown, setup = newer, frame.setup
         track = shown.track(frame.time, frame.bone_positions, frame.rotations_wxyz, frame.morphs)
         if stream is None or recording is None:
             stream = rr.RecordingStream(f"cape live {shown.name}", recording_id=uuid.uuid4())
@@ -49,8 +53,9 @@ def main(folder: Path, url: str) -> NoReturn:
         elif begins:
             recording.begin(shown, track)
         recording.add(frame.number, track, frame.positions)
-        _wait_for(stream)
+        _wait_for(stream, folder)
     # Each frame has been waited for; Rerun's own end would wait once more, without end where a viewer does not read.
+    tidy(folder)
     os._exit(0)
 
 
@@ -77,7 +82,7 @@ def _give_way() -> None:
         os.nice(NICER)
 
 
-def _wait_for(stream: rr.RecordingStream) -> None:
+def _wait_for(stream: rr.RecordingStream, folder: Path) -> None:
     """Wait until what was given is on its way: what waits here is one frame, and the newest comes next."""
     while True:
         try:
@@ -85,6 +90,7 @@ def _wait_for(stream: rr.RecordingStream) -> None:
             return
         except Exception:  # the viewer has not read yet, or is gone; whoever started this process sees that
             if _is_over():
+                tidy(folder)
                 os._exit(0)
 
 
@@ -95,6 +101,11 @@ def _is_over() -> bool:
     return bool(select.select([0], [], [], PATIENCE)[0]) and not os.read(0, 65536)
 
 
+def tidy(folder: Path) -> None:
+    """Take away what both processes share once the run is over: one that was killed can't do so itself."""
+    shutil.rmtree(folder, ignore_errors=True)
+
+
 def write_setup(folder: Path, number: int, shown: Shown) -> None:
     """Hand over what the frames of a set-up have in common; both processes are this program."""
     partial = folder / f"setup-{number}.part"
@@ -102,12 +113,15 @@ def write_setup(folder: Path, number: int, shown: Shown) -> None:
     partial.replace(folder / f"setup-{number}")
 
 
-def read_setup(folder: Path, number: int) -> Shown:
-    """What was handed over."""
-    return pickle.loads((folder / f"setup-{number}").read_bytes())
+def read_setup(folder: Path, number: int) -> Shown | None:
+    """What was handed over; None where it has been taken away, since several newer ones are there."""
+    try:
+        return pickle.loads((folder / f"setup-{number}").read_bytes())
+    except FileNotFoundError:
+        return None
 
 
-__all__ = ["LiveFrame", "main", "read_setup", "write_setup"]
+__all__ = ["LiveFrame", "main", "read_setup", "tidy", "write_setup"]
 
 if __name__ == "__main__":
     main(Path(sys.argv[1]), sys.argv[2])

@@ -16,6 +16,7 @@ from cape.live.feed.sender import OWN_GROUP, be_nice
 from motions.errors import UserError, ValueRangeError
 
 LOOPBACK = "127.0.0.1"
+WAYS = ("window", "web", "page", "none")
 STARTING, ENDING = 20.0, 3.0  # [s] to wait for it
 NO_DISPLAY = "there is no display here for a window: --web shows it in a browser, --no-viewer nowhere"
 MEMORY = "1GB"  # that a viewer keeps of what it was sent
@@ -114,6 +115,19 @@ def program() -> Path:
     if not path.is_file():
         raise UserError(f"the Rerun viewer is missing at {path}: pip install --force-reinstall rerun-sdk")
     return path
+
+
+def require_viewing(viewing: str) -> None:
+    """Tell whether a run can be seen so.
+
+    Raises:
+        ValueRangeError: that is no way to see it, and no URL either.
+    """
+    if viewing not in WAYS and "://" not in viewing:
+        known = ", ".join(f'"{way}"' for way in WAYS)
+        raise ValueRangeError(
+            f"viewer is {known}, or a URL such as rerun+http://{LOOPBACK}:9876/proxy, not {viewing!r}"
+        )
 
 
 def is_loopback(bind: str) -> bool:

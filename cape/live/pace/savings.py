@@ -6,6 +6,7 @@ from cape.live.changes import Changes
 from cape.live.pace.falling_behind import FallingBehind
 from cape.live.rig import Rig
 from cape.scene.scene import Scene
+from cape.scene.self_contact import SelfContact
 from cape.solvers import XPBD, Solver
 
 FEW = 10  # substeps a frame, from which on cloth under XPBD gets much softer than it should be
@@ -16,7 +17,10 @@ CALM = 120  # frames after a change, before that is
 
 
 class Savings:
-    """Fewer substeps than were asked for, as far as they stay stable; then XPBD, in few and in fewer; then time."""
+    """Fewer substeps than were asked for, as far as they stay stable; then XPBD, in few and in fewer; then time.
+
+    What saves nothing is given back.
+    """
 
     def __init__(self, rig: Rig, changes: Changes) -> None:
         """Give up nothing yet."""
@@ -24,6 +28,7 @@ class Savings:
         self._behind = FallingBehind(0)
         self._asked: Solver | None = None
         self._tears = False
+        self._contact: SelfContact | None = None
         self._scene: Scene | None = None
         self._calm = 0
         self._ways: list[tuple[str, Solver]] = []
@@ -39,13 +44,23 @@ class Savings:
             self._asked, self._tears = asked, tears
             self._ways = self._ways_from(asked, period)
             self._behind = FallingBehind(len(self._ways))
+        if self._rig.scene.self_contact is not self._contact:
+            self._contact = self._rig.scene.self_contact
+            self._behind.forget()
         before = self._behind.level
         level = self._behind.note(seconds, period)
         if level != before:
-            text, solver = self._ways[level - 1] if level else ("everything as asked for again", asked)
-            self._changes.use(solver, text if not level else f"too slow: {text}", must=False)
+            solver = self._ways[level - 1][1] if level else asked
+            self._changes.use(solver, self._said(before, level), must=False)
         elif self._behind.mean > NEARLY * period:
             self._make_ready()
+
+    def _said(self, before: int, level: int) -> str:
+        """What is said of a change of levels."""
+        now = self._ways[level - 1][0] if level else "everything as asked for again"
+        if self._behind.saved_nothing:
+            return f"{self._ways[before - 1][0]} saves nothing: {now}"
+        return f"too slow: {now}" if level else now
 
     def _make_ready(self) -> None:
         """Have a cloth stand by for the solver that is taken next, which is compiled and laid out until then."""
@@ -61,7 +76,7 @@ class Savings:
         level = self._behind.level
         given = [self._ways[level - 1][0]] if level else []
         self._in_time = 0 if rate < SLOWER else self._in_time + 1
-        if self._in_time < IN_TIME and (level == len(self._ways) or self._changes.pending):
+        if self._in_time < IN_TIME and (self._behind.lowest or self._changes.pending):
             given.append("slower than real time")
         return ", ".join(given)
 

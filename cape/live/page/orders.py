@@ -1,4 +1,5 @@
-"""What the page asks for, as lines of JSON: the only ones that there are, each with numbers and names alone."""
+"""What the page asks for, as lines of JSON: the only ones that there are, each with numbers and names alone; and what
+it begins with."""
 
 from __future__ import annotations
 
@@ -8,15 +9,27 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from cape.live.live import Live
+    from cape.live.rig import Rig
+
+
+def beginning_of(rig: Rig, fabric: str) -> str:
+    """What the page's controls stand at as a run begins, as JSON; the name of its fabric is empty for one without."""
+    wind = (0.0, 0.0, 0.0) if rig.wind is None else rig.wind.velocity
+    return json.dumps({
+        "wind": [float(part) for part in wind],
+        "fabric": fabric,
+        "solver": rig.solver.name,
+        "self_contact": rig.scene.self_contact is not None,
+    })  # fmt: skip
 
 
 def orders_of(live: Live) -> dict[str, Callable[..., object]]:
     """What can be asked of a run, by name."""
     changes = live.changes
     return {
-        "grab": lambda vertex: changes.pin([int(vertex)]),
+        "grab": lambda vertex: changes.take_hold(int(vertex)),
         "reach": lambda vertex, x, y, z: changes.reach(int(vertex), (float(x), float(y), float(z))),
-        "let_go": lambda vertex: changes.pin([int(vertex)]),
+        "let_go": lambda vertex: changes.let_go(int(vertex)),
         "move": lambda bone, x, y, z: changes.move(str(bone), (float(x), float(y), float(z))),
         "wind": lambda x, y, z: changes.set_wind((float(x), float(y), float(z))),
         "fabric": lambda name: changes.set_fabric(str(name)),

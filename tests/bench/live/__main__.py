@@ -62,8 +62,8 @@ def draw_on(port: int, over: threading.Event) -> None:
         "import sys\nfrom rerun.experimental import ViewerClient\n"
         f"client = ViewerClient.connect('rerun+http://{LOOPBACK}:{port}/proxy')\n"
         "while True:\n"
-        "    views = client.get_state().views\n"
-        "    if views: client.take_screenshot(views[0].view_id)\n"
+        "    for view in client.get_state().views:\n"
+        "        if view.name == 'cape': client.take_screenshot(view.view_id)\n"  # the other is a tab away
     )
     process = subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.DEVNULL)
     over.wait()
