@@ -54,9 +54,8 @@ DEEP = 0.5  # of the thickness: pairs that are too close by more are about to pa
 # s in which layers that are too close move apart by all but 1/e of what they lack, beyond `DEEP` and up to there. Where
 # folds leave no room for the thickness, springs push back what is moved apart: quickly done, that makes a heap tremble.
 RECOVERY, EASE = 20e-3, 0.3
-# A vertex is thrown by at most so many times the speed that it is to stop: close to attached ones, which nothing stops,
-# those that are free would be thrown far. Where all are free and as heavy, it is 1 at most.
-MOST_LEVERAGE = 2.0
+# Times the speed that is stopped, by which a vertex is thrown at most: 1 where all are free and as heavy, any beside what
+MOST_LEVERAGE = 2.0  # is attached, which nothing stops
 GRAZE = 1e-5  # m; points that are closer tell nothing about their sides
 NOW, DUE, BEAT, SINCE, PRESSED, SEARCHES, SOUGHT, AHEAD, CLOCKS = range(9)
 
@@ -404,8 +403,7 @@ def push(
         jx, jy, jz = jx + dx, jy + dy, jz + dz
         tx, ty, tz = fx + LEARNED * dx, fy + LEARNED * dy, fz + LEARNED * dz
         tx, ty, tz = shortened(tx, ty, tz, friction * going_on)
-    farthest_thrown = max(abs(ma), abs(mb), abs(mc), abs(md))
-    lightness = min(1.0 / mobility, MOST_LEVERAGE / farthest_thrown)
+    lightness = min(1.0 / mobility, MOST_LEVERAGE / max(abs(ma), abs(mb), abs(mc), abs(md)))
     jx, jy, jz = lightness * jx, lightness * jy, lightness * jz
     add(a, ma, jx, jy, jz, vx, vy, vz)
     add(b, mb, jx, jy, jz, vx, vy, vz)
