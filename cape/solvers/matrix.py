@@ -33,6 +33,7 @@ from cape.kernels.implicit.mesh_stiffness import (
     linearise_mesh,
     multiply_mesh,
     multiply_mesh_bends,
+    multiply_packed_bends,
 )
 from cape.kernels.implicit.points import PAIRS, order_kept
 from cape.kernels.implicit.sliding import Railing, add_rail_blocks
@@ -56,6 +57,7 @@ from cape.kernels.state import aligned
 from cape.solvers.order import wait
 from cape.solvers.running import Thread
 
+STIFFER = 1.25  # times what is nearest: 4 % fewer iterations of 20,000 vertices, no more of 1,536
 Array = NDArray[np.floating]
 
 
@@ -162,7 +164,8 @@ def _of_mesh(
     count = len(least)
     if isinstance(links.springs, MeshMembrane):
         inner, kind = in_precision(links.springs, dtype), links.springs.slopes.dtype.type
-        nearest = mesh_springs_record(replace(springs, stiffness=springs.nearest), count, kind)
+        assert springs.nearest is not None
+        nearest = mesh_springs_record(replace(springs, stiffness=STIFFER * springs.nearest), count, kind)
         layout = Layout(
             np.zeros_like(inner.strains),
             ends=np.zeros_like(inner.shape),
@@ -179,7 +182,10 @@ def _of_mesh(
     # Rows are zero in sum.
     row = np.repeat(np.arange(count), np.diff(links.bends.start))
     sums = np.bincount(row, links.bends.weight, count)
-    return layout._replace(bends=thinned(links.bends, least, dtype), diagonal=padded(sums))
+    bends = thinned(links.bends, least, dtype)
+    if layout.points is not None:
+        bends = bends._replace(packed=layout.points.packed)
+    return layout._replace(bends=bends, diagonal=padded(sums))
 
 
 class MatrixUnits(NamedTuple):
@@ -248,7 +254,7 @@ def _units_of(thread: Thread, matrix: Matrix, layout: Layout, links: Links, scra
         assert layout.diagonal is not None
         bends = MeshBendStiffness(layout.bends, matrix, layout.diagonal)
         diagonals.append(Use(add_mesh_bend_diagonal, bends))
-        products.append(Use(multiply_mesh_bends, bends))
+        products.append(Use(multiply_mesh_bends if layout.points is None else multiply_packed_bends, bends))
     return MatrixUnits([first], diagonals, nearest, products)
 
 
