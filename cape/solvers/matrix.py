@@ -19,6 +19,7 @@ from cape.kernels.cloth.mesh_bending import SIDE, MeshBends
 from cape.kernels.contact.penalty import PenaltyContact
 from cape.kernels.implicit.conjugate_gradients import CHUNK
 from cape.kernels.implicit.membrane_stiffness import (
+    STRETCH,
     MembraneStiffness,
     Points,
     add_membrane_diagonal,
@@ -267,6 +268,14 @@ def _points(inner: MeshMembrane, vertices: int, ranks: int) -> Points:
         row, lane = np.divmod(values, np.uint32(ENDS))
         return (PAIRS * (row * BLOCK + order_kept(BLOCK)[lane])).astype(np.uint32)
 
+    blocks, rows = inner.second.shape[:2]
+    stretch, count = np.arange(blocks) * BLOCK // STRETCH, -(-vertices // STRETCH)
+    beyond = stretch[inner.neighbours.astype(np.int64) // (rows * ENDS)]
+    real = np.broadcast_to(inner.smoothing[:, :, :1] > 0.0, beyond.shape)
+    own = np.broadcast_to(stretch[:, None, None, None], beyond.shape)[real]
+    since, until = np.arange(count), np.arange(count)
+    np.minimum.at(since, own, beyond[real])
+    np.maximum.at(until, own, beyond[real])
     return Points(
         packed=aligned(SIDE * vertices, dtype),
         strains=aligned(SIDE * (inner.strains.size // 3), dtype),
@@ -276,6 +285,8 @@ def _points(inner: MeshMembrane, vertices: int, ranks: int) -> Points:
         third=PAIRS * inner.third,
         neighbours=places(inner.neighbours),
         incoming=places(inner.incoming),
+        since=since,
+        until=np.maximum.accumulate(until),
         fetched=np.zeros((ranks, 3 * ENDS), dtype),
         seconds=np.zeros((ranks, 2 * ENDS), dtype),
         thirds=np.zeros((ranks, 2 * ENDS), dtype),

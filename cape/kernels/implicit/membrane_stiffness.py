@@ -28,6 +28,9 @@ from cape.kernels.jit import inlined, kernel, routine, unit
 from cape.kernels.team import meet
 
 Array = NDArray[np.floating]
+Indices = NDArray[np.int64]
+
+STRETCH = 4 * BLOCK  # vertices whose triangles are seen to in one go, so that what they find stays in the second cache
 
 
 class Points(NamedTuple):
@@ -35,7 +38,9 @@ class Points(NamedTuple):
 
     `packed` vectors (4 N,); the `strains` of each row of triangles (4 BLOCK,); their `forces` on the second corners and
     the third, with a row of zeros. Of the blocks of these corners `forces` are the diagonals, and `mixed` the rest.
-    `second`, `third`, `neighbours` and `incoming` are those of the membrane as places of points. A thread has room of
+    `second`, `third`, `neighbours` and `incoming` are those of the membrane as places of points. Of a
+    stretch of vertices `since` is the first whose strains its triangles want, `until` the last that it or one before it
+    wants, (stretches,). A thread has room of
     its own for what it has `fetched` (ranks, 9 BLOCK), and, of the row at hand, for what it keeps for the `seconds` and
     the `thirds` (ranks, 6 BLOCK), and for the owners, `total` (ranks, 3 BLOCK).
     """
@@ -48,6 +53,8 @@ class Points(NamedTuple):
     third: NDArray[np.uint32]
     neighbours: NDArray[np.uint32]
     incoming: NDArray[np.uint32]
+    since: Indices
+    until: Indices
     fetched: Array
     seconds: Array
     thirds: Array
@@ -95,19 +102,42 @@ def multiply_membrane(g, team, substep, substeps, b):
     p, q, m, t, lo, hi = g.matrix.vectors[3], g.matrix.vectors[4], g.inner, g.points, team.lo, team.hi
     pack_vectors(lo, hi, p[0], p[1], p[2], t.packed)
     meet(team)
-    strain_by(
-        lo, hi, t.second, t.third, t.packed, p[0], p[1], p[2], m.slopes, m.shape, m.used, t.fetched[team.rank],
-        t.total[team.rank], g.change, m.strains, t.strains,
-    )  # fmt: skip
+    # Triangles resist while what their neighbours have found is at hand, unless other threads find some of it.
+    first, last, ready = lo // STRETCH, (hi + STRETCH - 1) // STRETCH, lo // STRETCH
+    for stretch in range(first, last):
+        _strain(g, team.rank, max(lo, stretch * STRETCH), min(hi, (stretch + 1) * STRETCH), p)
+        while ready < last and t.until[ready] <= stretch:
+            if is_own(t, ready, lo, hi, m.sorted_vertices.size):
+                _resist(g, team.rank, max(lo, ready * STRETCH), min(hi, (ready + 1) * STRETCH), b, q)
+            ready += 1
     meet(team)
-    _resist(g, team.rank, lo, hi, damped(g.matrix.damping, b), q)
+    for stretch in range(first, last):
+        if not is_own(t, stretch, lo, hi, m.sorted_vertices.size):
+            _resist(g, team.rank, max(lo, stretch * STRETCH), min(hi, (stretch + 1) * STRETCH), b, q)
     meet(team)
     collect_points(lo, hi, m.sorted_vertices, m.start, t.incoming, t.forces, q[0], q[1], q[2])
 
 
+@inlined
+def is_own(points, stretch, lo, hi, vertices):
+    """Tell whether all that a stretch of vertices wants to know is found by the thread that has vertices lo to hi."""
+    end = min((points.until[stretch] + 1) * STRETCH, vertices)
+    return points.since[stretch] * STRETCH >= lo and end <= hi
+
+
 @routine
-def _resist(g, rank, lo, hi, scale, q):
+def _strain(g, rank, lo, hi, p):
+    m, t = g.inner, g.points
+    strain_by(
+        lo, hi, t.second, t.third, t.packed, p[0], p[1], p[2], m.slopes, m.shape, m.used, t.fetched[rank],
+        t.total[rank], g.change, m.strains, t.strains,
+    )  # fmt: skip
+
+
+@routine
+def _resist(g, rank, lo, hi, b, q):
     m, t, c, dtype = g.inner, g.points, g.inner.tension, q.dtype.type
+    scale = damped(g.matrix.damping, b)
     resist(
         lo, hi, m.slopes, t.neighbours, m.smoothing, m.shape, g.change, m.strains, t.strains, g.tension,
         dtype(-scale * c.weft), dtype(-scale * c.warp), dtype(-scale * c.coupling), dtype(-scale * c.shear), m.used,
