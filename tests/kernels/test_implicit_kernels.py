@@ -9,8 +9,10 @@ from cape.cloth.fabric import Fabric
 from cape.forces.elastic import Elastic
 from cape.kernels import bones
 from cape.kernels.bones import Motion, MotionRoom
+from cape.kernels.cloth.mesh import BLOCK
 from cape.kernels.cloth.mesh_bending import SIDE, SUMS, MeshBends
-from cape.kernels.implicit import conjugate_gradients, stages
+from cape.kernels.implicit import conjugate_gradients, points, stages
+from cape.kernels.program import run
 from motions import quaternions
 from tests.solvers.linear import LAYOUTS, B, Linear
 from tests.support.scenes import grid_cloth, irregular, mesh_cloth
@@ -66,6 +68,31 @@ def test_what_is_left_of_sums_that_are_zero_is_no_bending():
     # Between the weakest pair of whole cells, which are all alike, and rounding lies much.
     assert dense[dense > 0.0].min() > 1e-8 * dense.max()
     np.testing.assert_allclose(dense, dense.T, rtol=1e-9, atol=1e-13 * dense.max())
+
+
+def test_damping_adds_to_the_stiffness_of_a_membrane_and_not_to_its_tension(rng):
+    linear = Linear("membrane", 1.2, rng)
+    expected = linear.dense()
+    # Faster than all strains grow, so that damping would tighten or slacken every triangle.
+    linear.forces(linear.x, rng.standard_normal(linear.x.shape))
+    run(linear.system.linearise, linear.team, 0, 1, B)
+    np.testing.assert_array_equal(linear.dense(), expected)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_points_are_fetched_from_where_they_were_kept_and_summed_up(dtype: type[np.floating], rng):
+    rows = rng.standard_normal((5, 3, BLOCK)).astype(dtype)
+    kept, fetched = np.zeros((len(rows) + 1) * BLOCK * points.SIDE, dtype), np.zeros(3 * BLOCK, dtype)
+    for k, row in enumerate(rows):
+        points.keep_row(row.ravel(), kept, k * BLOCK * points.SIDE)
+    row, lane = rng.integers(len(rows), size=BLOCK), rng.integers(BLOCK, size=BLOCK)
+    places = (points.PAIRS * (row * BLOCK + points.order_kept(BLOCK)[lane])).astype(np.uint32)
+    points.fetch_row(places, kept, fetched)
+    found = rows[row, :, lane]
+    np.testing.assert_array_equal(fetched.reshape(3, BLOCK), found.T)
+    # Two are added in one way only, and none are nothing.
+    assert points.sum_points(places, kept, 0, 2) == tuple((found[0] + found[1]).tolist())
+    assert points.sum_points(places, kept, 7, 7) == (0.0, 0.0, 0.0)
 
 
 def test_bending_that_is_next_to_nothing_is_left_out_of_both_rows_of_a_pair(rng):

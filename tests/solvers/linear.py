@@ -70,6 +70,8 @@ class Linear:
         self.system = solver._problem(thread, self.linker, None).system
         self.linker.link()
         self.own = slice(self.matrix.front, self.matrix.front + self.count)
+        # Of a membrane the matrix has what the forces have found.
+        run(self.system.residual, self.team, 0, 1, B)
         run(self.system.linearise, self.team, 0, 1, B)
 
     def times(self, p: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from cape.kernels.implicit.multigrid import DAMPING
 from cape.scene.holding.attachments import Attachment
 from cape.scene.scene import Scene
 from cape.solvers import TRBDF2, BackwardEuler
+from cape.solvers.matrix import STIFFER
 from tests.solvers.linear import FABRIC, LAYOUTS, B, Linear
 from tests.support.scenes import Run, grid_cloth, irregular, irregular_swing, mesh_cloth
 
@@ -88,7 +89,7 @@ def coupling_blocks(linear: Linear) -> Array:
 
 
 def nearest_blocks(linear: Linear) -> Array:
-    """k (1 + tau/b) u u' + k max(0, 1 - l0/l) (1 - u u') of the springs nearest to a membrane, (E, 3, 3)."""
+    """k (1 + tau/b) u u' + k max(0, 1 - l0/l) (1 - u u') of the springs of a membrane's levels, (E, 3, 3)."""
     springs, x = linear.assembly.springs, linear.x.T
     assert springs.nearest is not None
     apart = x[springs.second] - x[springs.first]
@@ -96,7 +97,7 @@ def nearest_blocks(linear: Linear) -> Array:
     along = np.einsum("ei,ej->eij", apart, apart) / (length**2)[:, None, None]
     tension = np.maximum(0.0, 1.0 - springs.rest / length)[:, None, None]
     damped = 1.0 + FABRIC.damping_time / B
-    return springs.nearest[:, None, None] * (damped * along + tension * (np.eye(3) - along))
+    return STIFFER * springs.nearest[:, None, None] * (damped * along + tension * (np.eye(3) - along))
 
 
 def cloth_of(layout: str, u: Array, v: Array) -> Cloth:

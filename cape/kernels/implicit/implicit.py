@@ -90,10 +90,11 @@ class Settings(NamedTuple):
 class System(NamedTuple):
     """The equations of a stage.
 
-    Four programs make them up: `residual` sets all forces but inertia, `linearise` the matrix at a state, `product` is
-    the matrix times a vector, `precondition` what is added to the residual times the inverse of its block diagonal, of
-    no unit where nothing is. `counts` (4,) and `found` (2,) are a thread's own: minus the directional
-    derivative along a Newton step [J], and how far the first step towards it goes, as a share of the tolerance.
+    Four programs make them up: `residual` sets all forces but inertia, `linearise` the matrix at the state that these
+    have just been set for, `product` is the matrix times a vector, `precondition` what is added to the residual times
+    the inverse of its block diagonal, of no unit where nothing is. `counts` (4,) and `found` (2,) are a thread's own:
+    minus the directional derivative along a Newton step [J], and how far the first step towards it goes, as a share of
+    the tolerance.
     """
 
     state: State

@@ -42,10 +42,23 @@ class MeshBendStiffness(NamedTuple):
 @unit
 def multiply_mesh_bends(g, team, substep, substeps, b):
     """Add the product of p with a mesh's bending to q."""
-    p, q, bends, lo, hi = g.matrix.vectors[3], g.matrix.vectors[4], g.bends, team.lo, team.hi
-    scale = q.dtype.type(-damped(g.matrix.bend_damping, b))
-    pack_vectors(lo, hi, p[0], p[1], p[2], bends.packed)
+    p, bends = g.matrix.vectors[3], g.bends
+    pack_vectors(team.lo, team.hi, p[0], p[1], p[2], bends.packed)
     meet(team)
+    add_bend_product(g, team, b)
+
+
+@unit
+def multiply_packed_bends(g, team, substep, substeps, b):
+    """The same where a membrane has packed p."""
+    add_bend_product(g, team, b)
+
+
+@routine
+def add_bend_product(g, team, b):
+    """Add the product of what is packed with a mesh's bending to q."""
+    q, bends, lo, hi = g.matrix.vectors[4], g.bends, team.lo, team.hi
+    scale = q.dtype.type(-damped(g.matrix.bend_damping, b))
     add_rows(lo, hi, scale, bends.start, bends.others, bends.weight, bends.packed, q[0], q[1], q[2])
 
 
