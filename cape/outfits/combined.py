@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly.self_contact import rest_shape
 from cape.assembly.springs import springs_of
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.cloth.fabric import Fabric
@@ -78,6 +79,7 @@ def combined(names: Sequence[str], cloths: Sequence[Cloth], places: Sequence[Flo
             [m.pattern - m.pattern.min(axis=0) + [left, 0.0] for m, left in zip(meshes, lefts, strict=False)]
         ),
         positions=np.concatenate(list(places)),
+        rest=np.concatenate([rest_shape(mesh) for mesh in meshes]),
         fabric=cloths[-1].fabric,
         patchwork=_patchwork(meshes),
         layers=np.concatenate([np.ones(len(m.faces)) if m.layers is None else m.layers for m in meshes]),
@@ -141,6 +143,15 @@ def as_mesh(cloth: Cloth) -> MeshCloth:
         corners=corners,
         threads=np.concatenate([np.stack([a.ravel(), b.ravel()], axis=1) for a, b in (across, down)]),
     )
+
+
+def started_at(cloth: Cloth, places: FloatArray) -> MeshCloth:
+    """A cloth as a mesh that starts at some places in the world [m], shape (V, 3).
+
+    Without tension it is where it was before: what lies close together as it starts still meets.
+    """
+    mesh = as_mesh(cloth)
+    return replace(mesh, positions=places, rest=rest_shape(mesh), frame="world", neckline=None)
 
 
 def takes_apart(take: Take) -> list[Take]:

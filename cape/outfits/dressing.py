@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth
 from cape.measure.self_crossings import self_crossings
-from cape.outfits.combined import Outfit, Part, as_mesh, combined
+from cape.outfits.combined import Outfit, Part, combined, started_at
 from cape.outfits.girding import WAIST, Band, bulges, gathered, hangs_out, upright_box
 from cape.run.simulation import Simulation
 from cape.run.whereabouts import Diverged
@@ -178,8 +178,8 @@ def _deepest(places: FloatArray, boxes: Sequence[Box]) -> float:
 
 def _go_on(track: BoneTrack, settle: float, scene: Scene, places: FloatArray) -> FloatArray:
     """Where the vertices of a cloth that is on get from some places [m] at the first frame in a time [s], (V, 3)."""
-    worn = replace(as_mesh(scene.cloth), positions=places, frame="world", neckline=None)
-    return _settled(replace(scene, cloth=worn, dressing=None), track, settle)
+    worn = replace(scene, cloth=started_at(scene.cloth, places), dressing=None)
+    return _settled(worn, track, settle)
 
 
 def _settled(scene: Scene, track: BoneTrack, settle: float | None) -> FloatArray:
