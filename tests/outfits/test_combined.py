@@ -13,7 +13,8 @@ from cape.assembly.springs import springs_of
 from cape.cloth.split_mesh import SplitMesh
 from cape.cloth.triangle_mesh import reordered
 from cape.measure.self_crossings import self_crossings, share_crossed
-from cape.outfits.combined import Outfit, as_mesh, combined, started_at, takes_apart
+from cape.outfits.apart import takes_apart
+from cape.outfits.combined import Outfit, as_mesh, combined, started_at
 from cape.outfits.girding import Band, girded, hangs_out
 from cape.record import save
 from cape.scene.standard_scenes import frame_times, track_of
@@ -118,12 +119,6 @@ def test_a_take_comes_apart(lying, tmp_path):
     drawn = Recording(tmp_path / "both.rrd")
     assert {"/world/cloths/above", "/world/cloths/below"} <= drawn.entities
     assert "/world/cape" not in drawn.entities
-
-
-def test_garments_over_each_other_do_not_tear(walker):
-    body, track = walker
-    with pytest.raises(cape.UserError, match="do not tear"):
-        cape.dress(body, track, garments=["shoulder_cape", "skirt"], tearing=cape.Tearing(strain=0.2))
 
 
 def test_a_cape_over_a_skirt_starts_outside_of_it_and_stays_there(walker):
