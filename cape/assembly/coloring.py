@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.kernels.cloth.coloring import first_fit
+from cape.kernels.cloth.coloring import Coloring, color
 
 IntArray = NDArray[np.int64]
 
-WORD = 64  # colours
+WORDS = 1  # of 64 colours each, that are tried first
 
 
 class Colors(NamedTuple):
@@ -27,29 +27,23 @@ def by_color(members: IntArray) -> Colors:
     """
     if len(members) == 0:
         return Colors(np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64))
-    near = _by_vertices(members)
-    degree = np.bincount(members.ravel())
-    most = int((degree[members] - 1).sum(axis=1).max()) + 1
-    met = np.zeros((len(degree), -(-most // WORD)), dtype=np.uint64)
-    colors = np.zeros(len(members), dtype=np.int64)
-    first_fit(np.ascontiguousarray(members[near], dtype=np.int64), met, colors)
-    starts = np.concatenate([[0], np.cumsum(np.bincount(colors))])
-    return Colors(near[np.argsort(colors, kind="stable")], starts)
-
-
-def _by_vertices(members: IntArray) -> IntArray:
-    """The order of constraints (E, m) by their lowest vertices, then by their next ones, (E,)."""
-    ordered = np.sort(members, axis=1)
-    bits = max(int(ordered.max()).bit_length(), 1)
-    together = 63 // bits  # vertices in one number
-    keys = []
-    for start in range(0, ordered.shape[1], together):
-        key = np.zeros(len(ordered), np.int64)
-        for column in ordered.T[start : start + together]:
-            key = key << bits | column
-        keys.append(key)
-    # What is nearly in order already, as springs are, is soon sorted by a single key.
-    return np.argsort(keys[0], kind="stable") if len(keys) == 1 else np.lexsort(keys[::-1])
+    members = np.ascontiguousarray(members, dtype=np.int64)
+    count, vertices, words = len(members), int(members.max()) + 1, WORDS
+    while True:
+        room = Coloring(
+            order=np.zeros(count, np.int64),
+            starts=np.zeros(64 * words + 1, np.int64),
+            met=np.zeros((vertices, words), np.uint64),
+            sorted=np.zeros_like(members),
+            near=np.zeros(count, np.int64),
+            begin=np.zeros(vertices + 1, np.int64),
+            filled=np.zeros(vertices, np.int64),
+            colors=np.zeros(count, np.int64),
+        )
+        colors = int(color(members, room))
+        if colors > 0:
+            return Colors(room.order, room.starts[: colors + 1].copy())
+        words *= 2
 
 
 class Blocks(NamedTuple):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.cloth.cloth import Cloth
+from cape.cloth.cloth import Cloth, MeshCloth
 from cape.cloth.split_grid import SplitGrid
 from cape.cloth.split_mesh import SplitMesh
 from cape.cloth.triangle_mesh import edges_of
@@ -61,7 +61,7 @@ def layers_of(scene: Scene, cloth: Cloth, *, alarm: IntArray, spreads: FloatArra
     """Make the arrays that keep the layers of a scene's cloth apart; None where nothing does.
 
     Pairs that share a vertex or are nearer than the thickness at rest, along the flat pattern, are left alone. A mesh
-    without a pattern is at rest as it starts: layers of it that start nearer than that stay as they are.
+    without a pattern is at rest as it starts, if it tells nothing else: layers that are nearer there stay as they are.
 
     Args:
         scene: tells how the cloth touches itself.
@@ -175,7 +175,8 @@ def rest_shape(cloth: Cloth) -> FloatArray:
     """Where the vertices are without tension [m], shape (V, 3), pieces that aren't connected far from each other."""
     rest = np.column_stack([cloth.pattern, np.zeros(cloth.vertices)])
     if not cloth.lies_flat:
-        rest = np.array(cloth.positions)
+        told = cloth.rest if isinstance(cloth, MeshCloth) else None
+        rest = np.array(cloth.positions if told is None else told)
     rest[:, 2] += 2.0 * np.ptp(rest, axis=0).max() * connected_pieces(cloth.triangles, cloth.vertices)
     return rest
 

@@ -77,6 +77,11 @@ class Springs:
         """Those that are there: all, but of a mesh that may split."""
         return self
 
+    @property
+    def acting_numbers(self) -> IntArray | slice:
+        """The numbers of those."""
+        return slice(None)
+
     def among(self, links: IntArray | NDArray[np.bool_], bends: IntArray | NDArray[np.bool_]) -> dict[str, Any]:
         """What some of the springs of a mesh and of its bend springs are made of, all fields but `membrane`.
 

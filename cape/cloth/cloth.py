@@ -391,6 +391,7 @@ class MeshCloth(Cloth):
     Attributes:
         faces: vertex indices of the triangles, shape (T, 3).
         corners: of each triangle where it has no tension, laid flat: along the weft and the warp [m], shape (T, 3, 2).
+        rest: where its vertices are without tension, where it doesn't lie flat [m], (V, 3); None for where they start.
         threads: edges that lie along its threads, on which its stretch is measured, the lower vertex first, shape
             (n, 2); None for all edges, those on the bias with them, which get longer where the cloth is sheared.
         patchwork: its fabrics, `fabric` among them, where pieces are of different ones; None where all is of `fabric`.
@@ -398,6 +399,7 @@ class MeshCloth(Cloth):
 
     faces: IntArray
     corners: FloatArray
+    rest: FloatArray | None = None
     threads: IntArray | None = None
     patchwork: Patchwork | None = None
 

@@ -48,7 +48,8 @@ class SplitMesh(MeshCloth):
     def with_spare(self, spare: int) -> "SplitMesh":
         """The same with so many spare vertices."""
         where = np.concatenate([self.parents, np.zeros(spare, np.int64)])
-        return replace(self, pattern=self.whole.pattern[where], positions=self.whole.positions[where])
+        rest = None if self.whole.rest is None else self.whole.rest[where]
+        return replace(self, pattern=self.whole.pattern[where], positions=self.whole.positions[where], rest=rest)
 
     def split(self, cells: IntArray, parents: IntArray) -> "SplitMesh":
         """The same mesh with other corners of its triangles (T, 3), and vertices in use (n,).
@@ -65,7 +66,11 @@ class SplitMesh(MeshCloth):
         own = np.concatenate([np.arange(count), number[parents[count:]]])
         pattern, positions = self.pattern.copy(), self.positions.copy()
         pattern[:used], positions[:used] = self.whole.pattern[own], self.whole.positions[own]
-        return replace(self, faces=number[cells[self.follow]], parents=own, pattern=pattern, positions=positions)
+        rest = None
+        if self.whole.rest is not None:
+            rest = self.whole.rest[np.concatenate([own, np.zeros(self.vertices - used, np.int64)])]
+        moved = {"pattern": pattern, "positions": positions, "rest": rest}
+        return replace(self, faces=number[cells[self.follow]], parents=own, **moved)
 
     def masses(self) -> FloatArray:
         """Mass of each vertex [kg], shape (V,): a third of that of its triangles, none of spare ones."""

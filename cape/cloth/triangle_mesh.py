@@ -153,6 +153,7 @@ def reordered(cloth: MeshCloth, order: IntArray) -> MeshCloth:
         cloth,
         pattern=cloth.pattern[order],
         positions=cloth.positions[order],
+        rest=None if cloth.rest is None else cloth.rest[order],
         faces=faces[follow],
         corners=cloth.corners[follow],
         threads=None if cloth.threads is None else np.sort(number[cloth.threads], axis=1),

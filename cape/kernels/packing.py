@@ -7,6 +7,7 @@ that one's table. Compiled code reads `group.field` as Python reads a NamedTuple
 A `kind` tells what is in a table, in plain Python, so that the compiler need not be loaded to ask for code that exists.
 """
 
+import ctypes
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -115,7 +116,12 @@ class Arguments(tuple):
 
 def address_of(array: NDArray[Any]) -> int:
     """Where the first number of an array is."""
-    return array.__array_interface__["data"][0]
+    buffer: Any = array
+    try:
+        # In a third of the time that the array's own word takes; but not of what is empty, read-only or in pieces.
+        return ctypes.addressof(ctypes.c_char.from_buffer(buffer))
+    except (TypeError, ValueError, BufferError):
+        return array.__array_interface__["data"][0]
 
 
 def dtype_text(dtype: np.dtype[Any]) -> Any:

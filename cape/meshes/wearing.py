@@ -101,7 +101,8 @@ def wear(
         )
     thickness = room_between(spacing, height)
     fitting = let_out(modelled, cloth.faces, fitted, thickness + CLEARANCE)
-    worn = replace(cloth, positions=fitting, corners=check_mesh(fitting, cloth.faces).corners, frame="wearer")
+    corners = check_mesh(fitting, cloth.faces).corners
+    worn = replace(cloth, positions=fitting, rest=None, corners=corners, frame="wearer")
     if hold:
         distances = {bone: _from_limb(modelled, bone, fitted, colliders) for bone in hold.values()}
         holds = attachments(worn, hold, distances)

@@ -1,4 +1,4 @@
-"""Several cloths as one, whose parts meet as layers of one cloth do, and its takes apart again."""
+"""Several cloths as one, whose parts meet as layers of one cloth do."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cape.assembly.springs import springs_of
+from cape.assembly.self_contact import rest_shape
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
 from cape.cloth.fabric import Fabric
 from cape.cloth.patches.patchwork import Patchwork
 from cape.cloth.sewing import along_threads
-from cape.measure.contact_points import ContactPoints
-from cape.results.take import Take
 from motions.errors import ValueRangeError
 
 FloatArray = NDArray[np.float64]
@@ -78,6 +76,7 @@ def combined(names: Sequence[str], cloths: Sequence[Cloth], places: Sequence[Flo
             [m.pattern - m.pattern.min(axis=0) + [left, 0.0] for m, left in zip(meshes, lefts, strict=False)]
         ),
         positions=np.concatenate(list(places)),
+        rest=np.concatenate([rest_shape(mesh) for mesh in meshes]),
         fabric=cloths[-1].fabric,
         patchwork=_patchwork(meshes),
         layers=np.concatenate([np.ones(len(m.faces)) if m.layers is None else m.layers for m in meshes]),
@@ -143,47 +142,10 @@ def as_mesh(cloth: Cloth) -> MeshCloth:
     )
 
 
-def takes_apart(take: Take) -> list[Take]:
-    """The takes of an outfit's parts, the outermost first; of any other cloth the take itself.
+def started_at(cloth: Cloth, places: FloatArray) -> MeshCloth:
+    """A cloth as a mesh that starts at some places in the world [m], shape (V, 3).
 
-    Stretch is each part's own; penetration and energy are those of the outfit.
+    Without tension it is where it was before: what lies close together as it starts still meets.
     """
-    if not isinstance(take.cloth, Outfit):
-        return [take]
-    return [_of_part(take, part) for part in reversed(take.cloth.parts)]
-
-
-def _of_part(take: Take, part: Part) -> Take:
-    mesh = as_mesh(part.cloth)
-    positions = take.positions[:, part.vertices]
-    springs = springs_of(mesh)
-    first, second, rest = (values[springs.measured] for values in (springs.first, springs.second, springs.rest))
-    strain = np.array(
-        [(np.linalg.norm(frame[first] - frame[second], axis=1) / rest - 1.0).max() for frame in positions.astype(float)]
-    )
-    held = take.held[(take.held >= part.vertices.start) & (take.held < part.vertices.stop)]
-    return replace(
-        take,
-        name=part.name,
-        triangles=part.cloth.triangles,
-        texcoords=part.cloth.texcoords,
-        positions=positions,
-        stretch_max=np.maximum(strain, 0.0),
-        held=held - part.start,
-        contacts=None if take.contacts is None else _contacts_of(take.contacts, part),
-        topologies=(),  # an outfit does not tear
-        cloth=part.cloth,
-    )
-
-
-def _contacts_of(contacts: ContactPoints, part: Part) -> ContactPoints:
-    own = (contacts.vertices >= part.vertices.start) & (contacts.vertices < part.vertices.stop)
-    before = np.concatenate([[0], np.cumsum(own)])
-    return ContactPoints(
-        before[contacts.starts],
-        contacts.points[own],
-        contacts.normals[own],
-        contacts.depths[own],
-        contacts.colliders[own],
-        contacts.vertices[own] - np.int32(part.start),
-    )
+    mesh = as_mesh(cloth)
+    return replace(mesh, positions=places, rest=rest_shape(mesh), frame="world", neckline=None)

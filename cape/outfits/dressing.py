@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth
+from cape.cloth.fabric import Fabric
 from cape.measure.self_crossings import self_crossings
-from cape.outfits.combined import Outfit, Part, as_mesh, combined
+from cape.outfits.combined import Outfit, Part, combined, started_at
 from cape.outfits.girding import WAIST, Band, bulges, gathered, hangs_out, upright_box
 from cape.run.simulation import Simulation
 from cape.run.whereabouts import Diverged
@@ -71,6 +72,9 @@ def dress_in(body: "Skeleton", track: BoneTrack, garments: Sequence[str], **opti
     own = {name: options.pop(name, None) for name in ("length", "flare", "hold")}
     skin = options.pop("colliders", None) or body.capsules()
     fabrics = fabric_of_each(options.pop("fabric", None), garments)
+    tearing, limited = options.pop("tearing", None), options.get("strain_limit")
+    if tearing is not None and len({fabric or Fabric() for fabric in fabrics.values()}) > 1:
+        raise ValueRangeError("garments of several fabrics do not tear: have all of one, or leave out tearing")
 
     def cut(level: int, room: float) -> Scene:
         colliders = [solid.grown(room) if isinstance(solid, Bounded) else solid for solid in skin]
@@ -119,10 +123,11 @@ def dress_in(body: "Skeleton", track: BoneTrack, garments: Sequence[str], **opti
         dressing=None,
         strain_limit=all(scene.strain_limit for scene in scenes) and outfit.has_threads,
     )
-    if not gathers:
+    if gathers:  # what was held together springs out, as far as it may
+        worn = replace(worn, cloth=replace(outfit, positions=_settled(worn, track, STAGE)))
+    if tearing is None:
         return worn
-    # What was held together springs out, as far as it may.
-    return replace(worn, cloth=replace(outfit, positions=_settled(worn, track, STAGE)))
+    return replace(worn, tearing=tearing, strain_limit=worn.strain_limit and bool(limited))
 
 
 def _of_all(held: Attachment, part: Part, outfit: Outfit) -> Attachment:
@@ -178,8 +183,8 @@ def _deepest(places: FloatArray, boxes: Sequence[Box]) -> float:
 
 def _go_on(track: BoneTrack, settle: float, scene: Scene, places: FloatArray) -> FloatArray:
     """Where the vertices of a cloth that is on get from some places [m] at the first frame in a time [s], (V, 3)."""
-    worn = replace(as_mesh(scene.cloth), positions=places, frame="world", neckline=None)
-    return _settled(replace(scene, cloth=worn, dressing=None), track, settle)
+    worn = replace(scene, cloth=started_at(scene.cloth, places), dressing=None)
+    return _settled(worn, track, settle)
 
 
 def _settled(scene: Scene, track: BoneTrack, settle: float | None) -> FloatArray:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth
-from cape.outfits.combined import Outfit, takes_apart
+from cape.outfits.apart import takes_apart
+from cape.outfits.combined import Outfit
 from cape.record.blueprint import layout
 from cape.record.contacts import BYTES_PER_CONTACT
 from cape.record.files.recording import RecordingFile, recording_file
@@ -75,7 +76,7 @@ class GrowingCloth:
             may_tear: whether its triangles may change from frame to frame.
         """
         self._stream, self._asked, self._entities, self._may_tear = stream, asked, entities, may_tear
-        self._triangles: NDArray[np.int32] | None = None  # of the last frame that was sent
+        self._triangles: list[NDArray[np.int32] | None] = [None] * len(entities)  # of the last frame that was sent
         self._finite: list[NDArray[np.bool_]] = []
 
     @property
@@ -94,11 +95,10 @@ class GrowingCloth:
         rows, begins = np.flatnonzero(finite), not any(before.any() for before in self._finite)
         if len(rows):
             frames = Frames(rows, part.bones.times[rows], begins=begins, before=self.sent)
-            for take, entity in zip(takes_apart(part), self._entities, strict=True):
-                log_cloth(
-                    self._stream, self._asked, take, entity, frames, may_tear=self._may_tear, known=self._triangles
-                )
-            self._triangles = part.triangles_at(int(rows[-1]))
+            takes = takes_apart(part)
+            for take, entity, known in zip(takes, self._entities, self._triangles, strict=True):
+                log_cloth(self._stream, self._asked, take, entity, frames, may_tear=self._may_tear, known=known)
+            self._triangles = [take.triangles_at(int(rows[-1])) for take in takes]
         self._finite.append(finite)
 
 

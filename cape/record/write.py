@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.looks.look import Color
-from cape.outfits.combined import takes_apart
+from cape.outfits.apart import takes_apart
 from cape.record.blueprint import layout
 from cape.record.contacts import BYTES_PER_CONTACT, log_contacts
 from cape.record.figure.body import log_body

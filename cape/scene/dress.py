@@ -73,19 +73,17 @@ def dress(
         tearing: when the cloth parts; None for never.
 
     Raises:
-        ValueRangeError: a size is out of range, garments can't be worn over each other, or a fabric is given for what
-            is not worn.
+        ValueRangeError: a size is out of range, garments can't be worn over each other, those of several fabrics are to
+            tear, or a fabric is given for what is not worn.
         UnknownNameError: there is no such garment, it has no such region, or the body no such bone; or it has no
             shoulders, upper arms, chest, pelvis or head, as far as the garment needs them, that are known by name.
     """
     if garments is not None:
-        if tearing is not None:
-            raise ValueRangeError("garments that are worn over each other do not tear: wear one, or leave out tearing")
         from cape.outfits.dressing import dress_in
 
         return dress_in(
             body, track, garments, length=length, flare=flare, spacing=spacing, fabric=fabric, colliders=colliders,
-            wind=wind, self_contact=self_contact, strain_limit=strain_limit, hold=hold,
+            wind=wind, self_contact=self_contact, strain_limit=strain_limit, hold=hold, tearing=tearing,
         )  # fmt: skip
     kind = registry.garment(garment)
     body.require_roles((*WEARER_ROLES, *FRAME_ROLES))

@@ -31,7 +31,7 @@ from cape.kernels.xpbd.bending import ROWS, BendConstraints, count_members, lay_
 from cape.kernels.xpbd.formulas import Constraints
 from cape.kernels.xpbd.grid import GridConstraints, GridSweeps, dealt, hands_for, prepare_grid, solve_grid
 from cape.kernels.xpbd.membrane import MembraneConstraints
-from cape.kernels.xpbd.mesh import MeshConstraints, MeshSweeps, SpringConstraints, prepare_mesh, solve_mesh
+from cape.kernels.xpbd.mesh import MeshConstraints, MeshSweeps, SpringConstraints, lay_springs, prepare_mesh, solve_mesh
 from cape.kernels.xpbd.packed import LANES, NEXT, SIDE
 from cape.kernels.xpbd.xpbd import Blown, Falling, blow_all, drift_all, fall_all
 from cape.solvers.base import MOST_ITERATIONS, Precision, Solver
@@ -270,7 +270,7 @@ class XPBD(Solver):
         if springs.membrane is not None:
             membrane = self._membrane(springs.membrane, len(weights), dtype)
         else:
-            stretched = self._springs(springs.acting, weights, dtype)
+            stretched = self._springs(springs, weights, dtype)
         return MeshConstraints(
             springs=stretched,
             membrane=membrane,
@@ -280,18 +280,14 @@ class XPBD(Solver):
         )
 
     def _springs(self, springs: Springs, weights: Array, dtype: type[np.floating]) -> SpringConstraints:
-        pairs = np.stack([springs.first, springs.second], axis=1)
+        own = springs.acting_numbers
+        pairs = np.stack([springs.first[own], springs.second[own]], axis=1)
         blocks = in_blocks(by_color(pairs), LANES)
-        return SpringConstraints(
-            ends=_by_rows(pairs, blocks, len(weights)).astype(np.uint32),
-            starts=blocks.starts,
-            stretch=self._constraints(
-                _by_rows(springs.stiffness, blocks).ravel(),
-                _by_rows(springs.rest, blocks).ravel(),
-                _by_rows(weights[pairs].sum(axis=1), blocks).ravel(),
-                dtype,
-            ),
-        )
+        ends, laid = np.zeros((len(blocks.places), 2 * LANES), np.uint32), np.zeros((3, blocks.places.size))
+        lay_springs(pairs, springs.stiffness[own], springs.rest[own], weights, blocks.places, ends, laid)
+        stiffness, rest, mobility = laid
+        stretch = self._constraints(stiffness, rest, mobility, dtype)
+        return SpringConstraints(ends=ends, starts=blocks.starts, stretch=stretch)
 
     def _membrane(self, membrane: Membrane, nobody: int, dtype: type[np.floating]) -> MembraneConstraints:
         edges, c = membrane.edges(), membrane.stiffness

@@ -372,8 +372,10 @@ def pushed(
         impulse = impulse - min(1.0, friction * into / speed) * sliding
     again = min(step, depth / into) if into > 0.0 else 0.0
     rest = depth - again * into
-    deep = max(rest - self_contact.DEEP * THICKNESS, 0.0)
-    rest = deep * step / self_contact.RECOVERY + (rest - deep) * step / self_contact.EASE
+    # At once what lacks more than 0.9 of the thickness, but 0.3 of it at most; the rest as it goes.
+    through = min(max(rest - 0.9 * THICKNESS, 0.0), 0.3 * THICKNESS)
+    deep = max(rest - 0.5 * THICKNESS, 0.0)
+    rest = through + (deep - through) * step / 20e-3 + (rest - deep) * step / 0.3
     shares = (weights * w)[:, None] / mobility
     return p + shares * (again * impulse + rest * n), v + shares * impulse
 
@@ -385,7 +387,7 @@ def test_response_to_a_contact(rng: np.random.Generator, friction: float):
         p, v = rng.standard_normal((2, 4, 3))
         n = rng.standard_normal(3)
         n /= np.linalg.norm(n)
-        depth, w = rng.uniform(0.0, 0.004), rng.uniform(0.0, 2.0, 4)
+        depth, w = rng.uniform(0.0, 0.01), rng.uniform(0.0, 2.0, 4)
         x, u, held = p.T.copy(), v.T.copy(), np.zeros((3, 4))
         self_contact.push(
             0,

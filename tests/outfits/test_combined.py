@@ -8,9 +8,13 @@ import pytest
 import cape
 import motions
 import skeleton
+from cape.assembly.self_contact import rest_shape
 from cape.assembly.springs import springs_of
-from cape.measure.self_crossings import self_crossings
-from cape.outfits.combined import Outfit, as_mesh, combined, takes_apart
+from cape.cloth.split_mesh import SplitMesh
+from cape.cloth.triangle_mesh import reordered
+from cape.measure.self_crossings import self_crossings, share_crossed
+from cape.outfits.apart import takes_apart
+from cape.outfits.combined import Outfit, as_mesh, combined, started_at
 from cape.outfits.girding import Band, girded, hangs_out
 from cape.record import save
 from cape.scene.standard_scenes import frame_times, track_of
@@ -117,12 +121,6 @@ def test_a_take_comes_apart(lying, tmp_path):
     assert "/world/cape" not in drawn.entities
 
 
-def test_garments_over_each_other_do_not_tear(walker):
-    body, track = walker
-    with pytest.raises(cape.UserError, match="do not tear"):
-        cape.dress(body, track, garments=["shoulder_cape", "skirt"], tearing=cape.Tearing(strain=0.2))
-
-
 def test_a_cape_over_a_skirt_starts_outside_of_it_and_stays_there(walker):
     body, track = walker
     scene = cape.dress(body, track, garments=["back_cape", "skirt"], spacing=0.1)
@@ -150,6 +148,44 @@ def test_what_can_not_be_worn_together_is_told(walker):
     one = sheet()
     with pytest.raises(ValueRangeError, match="different names"):
         combined(["one", "one"], [one, one], [one.positions, one.positions])
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_what_starts_close_together_meets_though_it_is_nearer_than_the_thickness(alone):
+    """The upper half of a sheet that is folded over itself lies down on the lower one, which is held."""
+    cloth, gap, spacing = sheet(), 0.002, 0.05
+    along = cloth.pattern[:, 1]
+    places = np.column_stack([cloth.pattern[:, 0], np.minimum(along, 0.5 - along), np.where(along > 0.26, gap, 0.0)])
+    worn = started_at(cloth, places) if alone else combined(["far", "folded"], [cloth] * 2, [places + 9.0, places])
+    own = np.arange(worn.vertices)[-cloth.vertices :]
+    lower, upper = own[along < 0.26], own[along > 0.25 + 1.5 * spacing]
+    simulation = cape.Simulation(cape.Scene(worn, [cape.attach(worn, "table", lower)], self_contact=cape.SelfContact()))
+    table = {"table": (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))}
+    simulation.start(table)
+    for _ in range(30):
+        simulation.step(table, 1.0 / 60.0)
+    assert len(self_crossings(simulation.positions, worn.triangles)) == 0
+    # What it lacks of 5 mm in the end, it gets by all but 1 / e in 0.3 s.
+    least = 0.005 - (0.005 - gap) * np.exp(-0.5 / 0.3)
+    assert simulation.positions[upper, 2].min() > least - 0.02 * 0.005
+
+
+def test_where_a_cloth_is_at_rest_follows_its_vertices():
+    cloth = cape.Cloth.skirt(waist=0.8, length=0.3, spacing=0.08)
+    mesh = started_at(cloth, 0.5 * cloth.positions)
+    np.testing.assert_array_equal(rest_shape(mesh), rest_shape(cloth))
+    order = np.random.default_rng(0).permutation(mesh.vertices)
+    np.testing.assert_array_equal(rest_shape(reordered(mesh, order)), rest_shape(cloth)[order])
+    slit = cape.cut(mesh, along=mesh.positions[[mesh.region("hem")[0], mesh.region("waist")[0]]])
+    parents = np.linalg.norm(slit.positions[:, None] - mesh.positions, axis=2).argmin(axis=1)
+    split = SplitMesh.of(mesh, order, 9).split(slit.faces, parents)
+    assert mesh.rest is not None
+    assert slit.rest is not None
+    assert split.rest is not None
+    assert len(parents) > mesh.vertices
+    np.testing.assert_array_equal(slit.rest, mesh.rest[parents])
+    np.testing.assert_array_equal(split.rest[: split.in_use], mesh.rest[order[split.parents]])
+    assert len(split.rest) == split.vertices
 
 
 def test_cloths_that_cross_at_the_start_are_refused(walker, monkeypatch):
@@ -232,7 +268,7 @@ def test_three_garments_are_worn_over_each_other(walker):
     take = cape.simulate(scene, walker[1])
     assert take.result == "finished"
     assert take.penetration.max() < 0.001
-    assert len(self_crossings(take.positions[-1], scene.cloth.triangles)) == 0
+    assert share_crossed(take.positions, scene.cloth.triangles, most=len(take.positions)) == 0.0
 
 
 @pytest.mark.extra
@@ -243,7 +279,7 @@ def test_a_skirt_is_put_on_over_a_tabard_which_it_gathers(spacing, walker):
     take = cape.simulate(scene, walker[1])
     assert take.result == "finished"
     assert take.stretch_max[1:].max() < 0.06
-    assert len(self_crossings(take.positions[-1], scene.cloth.triangles)) == 0
+    assert share_crossed(take.positions, scene.cloth.triangles, most=len(take.positions)) == 0.0
 
 
 @pytest.mark.extra

@@ -29,7 +29,8 @@ from cape.live.changes import Changes
 from cape.live.rig import Rig
 from cape.live.sources import TrackSource
 from cape.measure.ledger import Balance, Ledger
-from cape.outfits.combined import Outfit, as_mesh, combined, of_fabric, takes_apart
+from cape.outfits.apart import takes_apart
+from cape.outfits.combined import Outfit, as_mesh, combined, of_fabric
 from cape.record.worn import worn_of
 from cape.run.simulation import Simulation
 from cape.run.strain_limit import StrainLimit

@@ -212,9 +212,32 @@ def test_patches_of_contact_with_itself_follow_what_has_split(kind):
     assert np.array_equal(np.unique(known, axis=0), np.unique(ends, axis=0))
     assert len(known) == len(np.unique(ends, axis=0))
     assert sorted(patches.vertices[: patches.vertex_start[-1]].tolist()) == list(range(len(simulation.positions)))
-    # Each is in a patch of a triangle that has it.
+    # Each is in the first patch of a triangle that has it, there in order.
+    owner = np.repeat(np.arange(len(patches.triangle_start) - 1), np.diff(patches.triangle_start))
     for lists, starts, width in ((known, patches.edge_start, 2), (patches.vertices[:, None], patches.vertex_start, 1)):
         for patch, (start, end) in enumerate(pairwise(starts)):
-            own = patches.triangles[:, slice(*patches.triangle_start[patch : patch + 2])].T
             for item in lists[start:end]:
-                assert (np.isin(own, item).sum(axis=1) >= width).any()
+                assert owner[(np.isin(patches.triangles, item).sum(axis=0) >= width).argmax()] == patch
+            assert lists[start:end].tolist() == sorted(lists[start:end].tolist())
+
+
+def test_what_is_known_of_pairs_of_edges_is_kept_where_both_are_still_there():
+    simulation = crumpled(GRID, self_contact=cape.SelfContact())
+    layers = simulation.assembly.layers
+    assert layers is not None
+    pairs, edges, count = layers.edges, layers.patches.edges.copy(), 500
+    first, second = np.random.default_rng(0).integers(0, layers.patches.edge_start[-1], (2, count))
+    for values, known in ((pairs.first, first), (pairs.second, second), (pairs.due, np.arange(count))):
+        values[:count] = known
+    pairs.apart[:count], pairs.force[:count] = np.arange(count)[:, None], -np.arange(count)[:, None]
+    pairs.counts[0] = count
+    simulation.tear(ACROSS)
+    there = set(map(tuple, layers.patches.edges[:, : layers.patches.edge_start[-1]].T.tolist()))
+    kept = [k for k in range(count) if {tuple(edges[:, first[k]]), tuple(edges[:, second[k]])} <= there]
+    assert 0 < len(kept) < count
+    assert pairs.counts[0] == len(kept)
+    for numbers, known in ((pairs.first, first), (pairs.second, second)):
+        np.testing.assert_array_equal(layers.patches.edges[:, numbers[: len(kept)]], edges[:, known[kept]])
+    np.testing.assert_array_equal(pairs.due[: len(kept)], kept)
+    np.testing.assert_array_equal(pairs.apart[: len(kept), 2], kept)
+    np.testing.assert_array_equal(pairs.force[: len(kept), 0], np.negative(kept))

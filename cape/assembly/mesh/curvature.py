@@ -35,6 +35,7 @@ IntArray = NDArray[np.int64]
 # Power of the distance with which the square of a coefficient's change is made dear. Of 6 to 16 it leaves
 # plates on triangles of scattered points with an error within a fifth of the least.
 FALL = 8
+ROOM = 2 * USUAL  # vertices that there is room for around each edge, at borders, too; seldom are there more
 
 
 class Slopes(NamedTuple):
@@ -131,13 +132,15 @@ def _swapped(a: FloatArray, b: FloatArray, same: NDArray[np.bool_]) -> tuple[Flo
 def _slopes(cloth: MeshCloth, unfolded: Unfolded, sides: IntArray) -> Slopes:
     """Slopes across edges, the first side of each given (E,), away from the triangle of that."""
     faces = np.ascontiguousarray(cloth.faces)
-    flat, widest = Flat(faces, np.ascontiguousarray(cloth.corners), *unfolded), USUAL
+    flat, room = Flat(faces, np.ascontiguousarray(cloth.corners), *unfolded), ROOM
     while True:
-        slopes = Slopes(np.zeros((len(sides), widest), np.int64), np.zeros((len(sides), widest)))
+        slopes = Slopes(np.zeros((len(sides), room), np.int64), np.zeros((len(sides), room)))
         patch = Patch.room(len(faces), cloth.vertices)
         widest = int(fit_slopes(flat, patch, sides, FALL // 2, *slopes))
-        if widest <= slopes.vertices.shape[1]:
-            return slopes
+        if widest <= room:
+            vertices, coefficients = slopes
+            return Slopes(np.ascontiguousarray(vertices[:, :widest]), np.ascontiguousarray(coefficients[:, :widest]))
+        room = widest
 
 
 def _first_sides(unfolded: Unfolded, triangles: IntArray) -> IntArray:

@@ -40,6 +40,7 @@ class Places:
         self._position = np.argsort(record.sorted_vertices)
         self._filled = np.zeros((blocks * BLOCK, self._rows), bool)
         self._filled[ends[:, 0], row] = True
+        self._free: list[int] = (self._rows - self._filled.sum(axis=1)).tolist()
         self.row = np.full(slots, -1)
         self.row[items] = row
         self.ends: list[list[int]] = [[]] * slots
@@ -70,7 +71,7 @@ class Places:
 
     def _put(self, item: int, ends: list[int], usual: int) -> None:
         """Have an item stand at some vertices, with its usual owner or another one."""
-        free = {vertex: self._rows - int(self._filled[vertex].sum()) for vertex in ends}
+        free = self._free
         for owner in sorted(ends, key=lambda vertex: (vertex != usual, -free[vertex])):
             first = ends.index(owner)
             turned = ends[first:] + ends[:first]
@@ -82,6 +83,7 @@ class Places:
             raise NoRoom
         row = int(np.argmin(self._filled[owner]))
         self.ends[item], self.row[item], self._filled[owner, row] = turned, row, True
+        free[owner] -= 1
         for other, table in zip(turned[1:], self._others, strict=True):
             table[owner // BLOCK, row, owner % BLOCK] = other
         for own, gap, place in zip(lists, gaps, self._kept_at(owner, row), strict=True):
@@ -93,6 +95,7 @@ class Places:
     def _take_out(self, item: int, ends: list[int]) -> None:
         owner, row = ends[0], int(self.row[item])
         self.ends[item], self.row[item], self._filled[owner, row] = [], -1, False
+        self._free[owner] += 1
         for table in self._others:
             table[owner // BLOCK, row, owner % BLOCK] = owner
         for other, place in zip(ends[1:], self._kept_at(owner, row), strict=True):

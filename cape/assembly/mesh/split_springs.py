@@ -59,9 +59,14 @@ class SplitMeshSprings(Springs):
         return np.where(slots < count, self.fitted.mate[edge] >= edge, self.stiffness[slots] > 0.0)
 
     @property
+    def acting_numbers(self) -> IntArray:
+        """Those slots that are not idle."""
+        return np.flatnonzero(self.acts(np.arange(len(self.first))))
+
+    @property
     def acting_slots(self) -> IntArray:
         """Those slots that are not idle, in the order of the vertices at their ends."""
-        slots = np.flatnonzero(self.acts(np.arange(len(self.first))))
+        slots = self.acting_numbers
         return slots[np.lexsort((self.second[slots], self.first[slots]))]
 
     @property

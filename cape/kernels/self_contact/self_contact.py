@@ -19,8 +19,8 @@ Three things keep it cheap, and at rest:
 - What the impulses of a beat had to do is done by forces until the next beat, which then corrects them: warm starting
   (Catto 2005, "Iterative dynamics with temporal coherence"). Layers at rest need no impulses, and don't tremble.
 
-Pairs that are too close move apart slowly, without any velocity; a start with layers inside each other is thereby kept
-as it is, and not torn. One thread does all of it, in the order of the lists, so that results repeat to the last bit.
+Pairs that are too close move apart slowly, without any velocity, but for those that pass: a start with layers inside
+each other is not torn. One thread does all of it, in the order of the lists, so that results repeat to the last bit.
 """
 
 import math
@@ -35,6 +35,7 @@ from cape.kernels.program import Program, run
 from cape.kernels.self_contact.closest import from_edge, from_triangle, speed_to_edge, speed_to_triangle
 from cape.kernels.self_contact.near_pairs import TOUCHING, Pairs, search
 from cape.kernels.self_contact.patches import FloatArray, Indices, Patches, Sight, is_foreseen, look
+from cape.kernels.self_contact.recovery import moved_apart
 from cape.kernels.state import State
 
 # s; beats, and looks for new pairs, are at most sqrt(LONGEST * step) apart, so that what they leave open vanishes with
@@ -50,12 +51,9 @@ SLIDE = 0.2  # of the thickness, by which close edges may slide before it is see
 # Of what a beat finds to be done, the share by which the forces that go on until the next change. Stiff springs vibrate
 # several times between two beats: more of what a beat happens to see of that feeds it.
 LEARNED = 0.2
-DEEP = 0.5  # of the thickness: pairs that are too close by more are about to pass through each other
-# s in which layers that are too close move apart by all but 1/e of what they lack, beyond `DEEP` and up to there. Where
-# folds leave no room for the thickness, springs push back what is moved apart: quickly done, that makes a heap tremble.
-RECOVERY, EASE = 20e-3, 0.3
-# Times the speed that is stopped, by which a vertex is thrown at most: 1 where all are free and as heavy, any beside what
-MOST_LEVERAGE = 2.0  # is attached, which nothing stops
+# A vertex is thrown by at most so many times the speed that it is to stop: close to attached ones, which nothing stops,
+# those that are free would be thrown far. Where all are free and as heavy, it is 1 at most.
+MOST_LEVERAGE = 2.0
 GRAZE = 1e-5  # m; points that are closer tell nothing about their sides
 NOW, DUE, BEAT, SINCE, PRESSED, SEARCHES, SOUGHT, AHEAD, CLOCKS = range(9)
 
@@ -414,8 +412,7 @@ def push(
     if depth > 0.0:
         again = min(step, depth / stopped) if stopped > 0.0 else 0.0
         rest = depth - again * stopped
-        deep = max(rest - DEEP / SLACK * slack, 0.0)
-        rest = (deep * min(1.0, interval / RECOVERY) + (rest - deep) * min(1.0, interval / EASE)) * lightness
+        rest = moved_apart(rest, slack / SLACK, interval) * lightness
         jx, jy, jz = again * jx + rest * nx, again * jy + rest * ny, again * jz + rest * nz
         add(a, ma, jx, jy, jz, x, y, z)
         add(b, mb, jx, jy, jz, x, y, z)

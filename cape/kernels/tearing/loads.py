@@ -60,6 +60,35 @@ def gauge_grid(g):
         strains[2, p] = (rx * dx + ry * dy + rz * dz) / max(across * along, 1e-30) - g.cosine[p]
 
 
+class GaugedMesh(NamedTuple):
+    """A mesh at a state, with triangles `cells` (3, T) and the `slopes` (T, 2, 2) [1/m] by which their sides tell how
+    weft and warp lead; `strains` (3, T) are set."""
+
+    state: State
+    cells: NDArray[np.int64]
+    slopes: FloatArray
+    strains: FloatArray
+
+
+@routine
+def gauge_mesh(g):
+    """Measure how triangles are strained along weft and warp, and the cosine of the angle between these."""
+    for t in range(g.slopes.shape[0]):
+        ux, vx = gradient(g.state.x, g.cells, g.slopes, t)
+        uy, vy = gradient(g.state.y, g.cells, g.slopes, t)
+        uz, vz = gradient(g.state.z, g.cells, g.slopes, t)
+        weft, warp = math.sqrt(ux * ux + uy * uy + uz * uz), math.sqrt(vx * vx + vy * vy + vz * vz)
+        g.strains[0, t], g.strains[1, t] = weft - 1.0, warp - 1.0
+        g.strains[2, t] = (ux * vx + uy * vy + uz * vz) / max(weft * warp, 1e-30)
+
+
+@inlined
+def gradient(x, cells, slopes, t):
+    """How a coordinate of triangle t grows along weft and warp."""
+    a, b, c = float(x[cells[0, t]]), float(x[cells[1, t]]), float(x[cells[2, t]])
+    return slopes[t, 0, 0] * (b - a) + slopes[t, 1, 0] * (c - a), slopes[t, 0, 1] * (b - a) + slopes[t, 1, 1] * (c - a)
+
+
 @inlined
 def middle_lines(a, b, c, d):
     """Along one coordinate, the lines across and down through the middle of a cell with corners a, b, c and d."""

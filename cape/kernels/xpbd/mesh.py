@@ -32,6 +32,25 @@ class SpringConstraints(NamedTuple):
     stretch: Constraints
 
 
+@routine
+def lay_springs(pairs, stiffness, rest, weights, places, ends, laid):
+    """Lay out springs in blocks, as `SpringConstraints` has them, from their vertices (E, 2), stiffness [N/m], lengths
+    at rest [m], and the inverse masses of all vertices [1/kg]; -1 in `places` (B, LANES) is for none.
+
+    `laid` (3, B LANES) is stiffness, length at rest, and mobility [1/kg], all zero.
+    """
+    lanes = places.shape[1]
+    for block in range(places.shape[0]):
+        for lane in range(lanes):
+            k, place = places[block, lane], block * lanes + lane
+            if k < 0:
+                ends[block, lane] = ends[block, lanes + lane] = weights.size
+                continue
+            a, b = pairs[k, 0], pairs[k, 1]
+            ends[block, lane], ends[block, lanes + lane] = a, b
+            laid[0, place], laid[1, place], laid[2, place] = stiffness[k], rest[k], weights[a] + weights[b]
+
+
 class MeshConstraints(NamedTuple):
     """Constraints of a mesh: springs or a membrane, None for the other, and patches of bend springs or None. Room:
     `packed` for its vertices, `rows` (threads, n) for those of a block."""

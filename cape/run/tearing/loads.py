@@ -17,7 +17,7 @@ from cape.cloth.cloth import Cloth, GridCloth
 from cape.kernels.calling import Bound
 from cape.kernels.state import State
 from cape.kernels.store import Request
-from cape.kernels.tearing.loads import SUMS, Borne, Gauged, bear, gauge_grid
+from cape.kernels.tearing.loads import SUMS, Borne, Gauged, GaugedMesh, bear, gauge_grid, gauge_mesh
 from cape.run.tearing.sheet import Sheet
 from cape.scene.tearing import Tearing
 
@@ -47,26 +47,23 @@ class Scale:
             self._rest = lengths_and_angle(*middle_lines(places))
         else:
             sides = cloth.corners_at_rest[:, 1:] - cloth.corners_at_rest[:, :1]
-            self._slopes = np.asarray(np.linalg.inv(np.swapaxes(sides, 1, 2)), dtype=float)
-        self._known: tuple[State, Bound | None, Bound, Borne] | None = None
+            self._slopes = np.ascontiguousarray(np.linalg.inv(np.swapaxes(sides, 1, 2)), dtype=float)
+        self._known: tuple[State, Bound, Bound, Borne] | None = None
 
     def requests(self, sheet: Sheet, state: State) -> list[Request]:
         """The code that weighing needs, to be compiled together with other code."""
         _, gauge, weigh, _ = self._for(sheet, state)
-        return [call.request for call in (gauge, weigh) if call is not None]
+        return [gauge.request, weigh.request]
 
     def loads(self, sheet: Sheet, state: State) -> Loads:
         """What the vertices of a sheet bear, numbered as in a state whose first vertices are those."""
         _, gauge, weigh, borne = self._for(sheet, state)
         borne.cells[:] = sheet.cells.T
-        if gauge is not None:
-            gauge()
-        else:
-            borne.strains[:] = self._strains(sheet, np.stack(state[:3], axis=1).astype(float)).T
+        gauge()
         worst = float(weigh())
         return Loads(borne.ratio[: sheet.vertices], borne.along[:, : sheet.vertices].T, worst)
 
-    def _for(self, sheet: Sheet, state: State) -> tuple[State, Bound | None, Bound, Borne]:
+    def _for(self, sheet: Sheet, state: State) -> tuple[State, Bound, Bound, Borne]:
         known = self._known
         if known is None or known[0].x is not state.x:
             count, cells = state.x.size, len(sheet.cells)
@@ -75,16 +72,12 @@ class Scale:
                 np.ascontiguousarray(sheet.cells.T), np.zeros((3, cells)), sheet.area, self._stiffness, force, strain,
                 np.zeros((SUMS, count)), np.zeros(count), np.zeros((2, count)),
             )  # fmt: skip
-            gauge = Bound(gauge_grid, Gauged(state, borne.cells, *self._rest, borne.strains)) if self._is_grid else None
+            if self._is_grid:
+                gauge = Bound(gauge_grid, Gauged(state, borne.cells, *self._rest, borne.strains))
+            else:
+                gauge = Bound(gauge_mesh, GaugedMesh(state, borne.cells, self._slopes, borne.strains))
             known = self._known = state, gauge, Bound(bear, borne), borne
         return known
-
-    def _strains(self, sheet: Sheet, positions: FloatArray) -> FloatArray:
-        """Strains of triangles along weft and warp, and the cosine of the angle, shape (T, 3)."""
-        places = positions[sheet.cells]
-        gradients = np.einsum("tji,tjk->tik", self._slopes, places[:, 1:] - places[:, :1])
-        weft, warp, cosine = lengths_and_angle(gradients[:, 0], gradients[:, 1])
-        return np.stack([weft - 1.0, warp - 1.0, cosine], axis=1)
 
 
 def middle_lines(corners: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -37,9 +37,8 @@ def triangles_of(cloth: Cloth, sheet: Sheet) -> NDArray[np.int32]:
 
 def split_mesh(mesh: MeshCloth, sheet: Sheet, copies: IntArray) -> MeshCloth:
     """A mesh as a sheet of it has split, with copies of some of its vertices behind the others."""
-    grown = {
-        name: np.concatenate([getattr(mesh, name), getattr(mesh, name)[copies]]) for name in ("pattern", "positions")
-    }
+    known = {name: getattr(mesh, name) for name in ("pattern", "positions", "rest")}
+    grown = {name: np.concatenate([of, of[copies]]) for name, of in known.items() if of is not None}
     threads = mesh.threads
     if threads is not None:
         ends = np.sort(np.stack([sheet.cells, np.roll(sheet.cells, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)

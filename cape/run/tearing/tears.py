@@ -12,9 +12,8 @@ from cape.cloth.split_mesh import SplitMesh
 from cape.kernels.state import State
 from cape.kernels.store import Request
 from cape.run.hanging import Hanging
-from cape.run.tearing import tethers
+from cape.run.tearing import layers, tethers
 from cape.run.tearing.cracks import parting
-from cape.run.tearing.layers import patch_order
 from cape.run.tearing.loads import Loads, Scale
 from cape.run.tearing.refit import look_at_layers, refit
 from cape.run.tearing.refit_mesh import refit_mesh
@@ -50,9 +49,10 @@ class Tears:
         self.released = 0.0
         self._scale = Scale(self._cloth, scene.tearing)
         self._wary, self._layers_known = False, True
+        self._shown: State | None = None  # where the vertices are, as the sheet numbers them
         split = cloth.assembly.cloth
         if cloth.assembly.layers is not None and isinstance(split, SplitGrid | SplitMesh):
-            patch_order(split.whole)  # which is remembered, so that no frame takes the time
+            layers.patch_order(split.whole)  # which is remembered, so that no frame takes the time
 
     def parts(self, cloth: Hanging, substeps: int) -> int:
         """In how many parts the next frame of so many substeps is to be taken."""
@@ -74,14 +74,20 @@ class Tears:
     def _weigh(self, cloth: Hanging) -> Loads:
         """What the vertices bear as the sheet numbers them."""
         assembly, state = cloth.assembly, cloth.state
-        if assembly.order is not None:
-            state = State(*(np.ascontiguousarray(assembly.outwards(component)) for component in state))
-        return self._scale.loads(self.sheet, state)
+        if assembly.order is None:
+            return self._scale.loads(self.sheet, state)
+        shown = [assembly.outwards(component) for component in state[:3]]
+        if self._shown is None or self._shown.x.shape != shown[0].shape:
+            self._shown = State(*(np.zeros_like(shown[0]) for _ in state))
+        for own, component in zip(self._shown[:3], shown, strict=True):
+            own[:] = component
+        return self._scale.loads(self.sheet, self._shown)
 
     def requests(self, cloth: Hanging) -> list[Request]:
         """The code that a run needs besides that of the cloth."""
         own = self._scale.requests(self.sheet, cloth.state)
-        return [*own, *tethers.requests(cloth.assembly), *cloth.follow_requests]
+        found = tethers.requests(cloth.assembly) + layers.requests(cloth.assembly.layers)
+        return [*own, *found, *cloth.follow_requests]
 
     def part(self, cloth: Hanging, vertices: ArrayLike) -> int:
         """Part the edges from each of some vertices to the next, shape (n,); gives how many have parted.
