@@ -180,6 +180,7 @@ class Hanging:
             *(r for j in journals for r in self._solver.requests(self.running, self._threads, j)),
             self._sound.request,
             self._strain.request,
+            *self.limit.requests,
         ]
 
     def prepare(self) -> None:

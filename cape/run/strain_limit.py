@@ -13,6 +13,7 @@ from cape.assembly.springs import Springs
 from cape.kernels.calling import Bound
 from cape.kernels.cloth.measure import is_grid_strained, is_strained
 from cape.kernels.state import State
+from cape.kernels.store import Request
 
 LEFT = 0.01  # strain beyond their limit that is left where shorter steps have not helped for some time
 TUG = 12  # frames in a row in which threads are too long, after which it is no tug, but a body that they lie around
@@ -53,6 +54,11 @@ class StrainLimit:
         alike = self._most.ndim == 0
         rest, most = (self._rest, float(self._most)) if alike else ((1.0 + self._most) * self._rest, 0.0)
         self._any = Bound(is_strained, *state[:3], self._first, self._second, rest, most)
+
+    @property
+    def requests(self) -> list[Request]:
+        """The code that it needs, to be compiled together with other code."""
+        return [self._any.request] if self._longest else []
 
     @property
     def acts(self) -> bool:
