@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cape.live.feed.mailbox import SLOTS, LiveFrame, Mailbox
+from cape.live.feed.sending import tidy
 from tests.support.processes import python
 
 VERTICES, BONES, MORPHS = 50, 3, 5
@@ -123,3 +124,16 @@ def test_the_sender_needs_no_physics():
         "import sys, cape.live.feed.sending; print([m for m in ('numba', 'pinocchio', 'asyncio') if m in sys.modules])"
     )
     assert loaded.strip() == "[]"
+
+
+def test_what_both_processes_share_is_taken_away_and_nothing_else(tmp_path: Path):
+    shared, other = tmp_path / "own", tmp_path / "anybody's"
+    for folder in (shared, other):
+        folder.mkdir()
+        for name in ("frames", "setup-3", "setup-4.part"):
+            (folder / name).write_bytes(b"")
+    (other / "work.txt").write_text("mine")
+    tidy(shared)
+    tidy(other)
+    assert not shared.exists()
+    assert [path.name for path in other.iterdir()] == ["work.txt"]

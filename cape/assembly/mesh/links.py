@@ -21,7 +21,7 @@ from cape.kernels.state import aligned
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-ROUNDING = 1e-13  # of a row's own entry: less is what sums leave that are zero, a fifth of all where cells are split
+ROUNDING = 1e-13  # of a row's own entry: less is what sums leave that are zero, as many are where cells are split
 
 
 Spare = int | None

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import shutil
 import sys
 import uuid
 from collections.abc import Iterator
@@ -102,8 +101,14 @@ def _is_over() -> bool:
 
 
 def tidy(folder: Path) -> None:
-    """Take away what both processes share once the run is over: one that was killed can't do so itself."""
-    shutil.rmtree(folder, ignore_errors=True)
+    """Take away what both processes share once the run is over, and the folder if there is nothing else in it.
+
+    A run that was killed can't do so itself.
+    """
+    with suppress(OSError):
+        for shared in (folder / "frames", *folder.glob("setup-*")):
+            shared.unlink(missing_ok=True)
+        folder.rmdir()
 
 
 def write_setup(folder: Path, number: int, shown: Shown) -> None:
