@@ -27,6 +27,7 @@ LOOPBACK = "127.0.0.1"
 STARTING, LOADING, ENDING = 60.0, 120.0, 5.0  # [s] to wait for the viewer
 NOTES = 2.5  # [s] from its start, in which the viewer shows notes on top of the picture
 MOST_TRIES = 20  # of a picture, until it doesn't change
+PATIENCE = 8  # questions in a row that the viewer may leave unanswered, each for the 15 s that its client waits
 MARGINS = (16, 120)  # [pixels] of the window around a view that fills it, or more: bars above and below
 NO_GRAPHICS = (
     "pictures need a Vulkan driver, and there is none: apt-get install mesa-vulkan-drivers (Debian, Ubuntu) or "
@@ -182,10 +183,15 @@ class Viewer:
         raise FileError(f"can't draw {recording}: the viewer did not load it within {LOADING:g} s, or it has no layout")
 
     def _ask(self, question: Callable[[ViewerClient], Answer]) -> Answer:
-        try:
-            return question(self._client)
-        except (ConnectionError, RuntimeError) as error:
-            raise UserError(f"the viewer failed: {error}") from error
+        # A machine with other work draws late; whatever is asked here may be asked again.
+        for _ in range(PATIENCE):
+            try:
+                return question(self._client)
+            except TimeoutError:
+                continue
+            except (ConnectionError, RuntimeError) as error:
+                raise UserError(f"the viewer failed: {error}") from error
+        raise UserError(f"the viewer failed: it left {PATIENCE} questions in a row unanswered; is the machine busy?")
 
 
 def _program() -> list[str]:

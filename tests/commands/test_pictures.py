@@ -20,7 +20,7 @@ from cape.pictures.eye import look_from, side_of
 from cape.pictures.gallery import page, plan
 from cape.pictures.gallery.page import Shown
 from cape.pictures.gallery.plan import PLAIN_FABRIC, Costume
-from cape.pictures.viewer import NO_GRAPHICS, require_viewer
+from cape.pictures.viewer import NO_GRAPHICS, PATIENCE, Viewer, require_viewer
 from motions.errors import UnknownNameError, UserError, ValueRangeError
 from tests.support.command import CAPE, Forks, cape
 from tests.support.processes import mistake_told
@@ -112,6 +112,27 @@ def test_the_eye_goes_round_what_it_looks_at():
     assert eye["position"] == [-2.0, 1.0, 0.7]
     with pytest.raises(ValueRangeError, match="eye"):
         look_from(layout, "b", 0.0)
+
+
+class SlowClient:
+    """Leaves a number of questions unanswered, as the real one does where drawing takes over 15 seconds."""
+
+    def __init__(self, late: int):
+        self.late, self.asked = late, 0
+
+    def open(self, path: str) -> object:
+        self.asked += 1
+        if self.asked <= self.late:
+            raise TimeoutError("Deadline expired before operation could complete")
+        return type("Opened", (), {"store_ids": [], "loading": False})
+
+
+@pytest.mark.parametrize(("late", "told"), [(PATIENCE - 1, "no recording of"), (PATIENCE, "unanswered")])
+def test_a_viewer_that_draws_late_is_asked_again(late: int, told: str, tmp_path: Path):
+    (tmp_path / "empty.rrd").touch()
+    viewer = Viewer(SlowClient(late), (64, 64), clear_at=0.0)
+    with pytest.raises(UserError, match=told):
+        viewer.open(tmp_path / "empty.rrd")
 
 
 def test_frames_of_a_film_stand_at_equal_times():
