@@ -1,10 +1,11 @@
 """What steps cost here and in another checkout, in turn: all solvers, layouts and precisions, the walk, contact.
 
-    python -m tests.bench.against CHECKOUT [--rounds 8] [--only WORD]
+    python -m tests.bench.against CHECKOUT [--rounds 8] [--processes 2] [--only WORD]
 
 A process for each checkout, run by this Python, steps the same frames of the same scene; the two take turns, since the
-clock of a machine wanders, and every frame counts at its fastest, in CPU time. What is compiled counts in no figure.
-Membranes are left out against a checkout that has none.
+clock of a machine wanders, and every frame counts at its fastest, in CPU time. Where in memory a process has its arrays
+shows as well, so that further pairs of processes take part. What is compiled counts in no figure. Membranes are left out
+against a checkout that has none.
 """
 
 import argparse
@@ -138,26 +139,26 @@ def turn(worker: "subprocess.Popen[str]") -> tuple[int, int, np.ndarray] | None:
     return vertices, substeps, np.array(taken)
 
 
-def measure(case: Case, checkouts: list[Path], rounds: int) -> list[tuple[float, float]] | None:
+def measure(case: Case, checkouts: list[Path], rounds: int, processes: int) -> list[tuple[float, float]] | None:
     """Milliseconds per frame, and nanoseconds per vertex and substep, of each checkout; None if one lacks the scene."""
-    workers = [start(checkout, case) for checkout in checkouts]
-    least: list[np.ndarray] = []
-    sizes = []
-    for turns in range(rounds + 1):
-        for k, worker in enumerate(workers):
-            answer = turn(worker)
-            if answer is None:
-                for each in workers:
-                    each.kill()
-                return None
-            vertices, substeps, taken = answer
-            if turns == 0:
-                sizes.append(vertices * substeps)
-                least.append(taken)
-            least[k] = np.minimum(least[k], taken)
-    for worker in workers:
-        worker.communicate()
-    return [(1e3 * taken.mean(), 1e9 * taken.mean() / size) for taken, size in zip(least, sizes, strict=True)]
+    least: list[np.ndarray | float] = [np.inf] * len(checkouts)
+    sizes = [0] * len(checkouts)
+    for _ in range(processes):
+        workers = [start(checkout, case) for checkout in checkouts]
+        for _ in range(rounds + 1):
+            for k, worker in enumerate(workers):
+                answer = turn(worker)
+                if answer is None:
+                    for each in workers:
+                        each.kill()
+                    return None
+                vertices, substeps, taken = answer
+                sizes[k] = vertices * substeps
+                least[k] = np.minimum(least[k], taken)
+        for worker in workers:
+            worker.communicate()
+    means = [float(np.mean(taken)) for taken in least]
+    return [(1e3 * mean, 1e9 * mean / size) for mean, size in zip(means, sizes, strict=True)]
 
 
 def main() -> None:
@@ -165,6 +166,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("checkout", type=Path)
     parser.add_argument("--rounds", type=int, default=8)
+    parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--only", default="")
     given = parser.parse_args()
     print("| case | there, ms per frame | here | there, ns per vertex and substep | here | here / there |")
@@ -172,7 +174,7 @@ def main() -> None:
     for case in CASES:
         measured = None
         if given.only in case.name:
-            measured = measure(case, [given.checkout.resolve(), HERE], given.rounds)
+            measured = measure(case, [given.checkout.resolve(), HERE], given.rounds, given.processes)
         if measured is not None:
             (there, theirs), (here, ours) = measured
             row = f"{there:.3f} | {here:.3f} | {theirs:.2f} | {ours:.2f} | {ours / theirs:.3f}"
