@@ -4,8 +4,8 @@
 
 A process for each checkout, run by this Python, steps the same frames of the same scene; the two take turns, since the
 clock of a machine wanders, and every frame counts at its fastest, in CPU time. Where in memory a process has its arrays
-shows as well, so that further pairs of processes take part. What is compiled counts in no figure. Membranes are left out
-against a checkout that has none.
+shows as well, so that further pairs of processes take part. What is compiled counts in no figure. Membranes are left
+out against a checkout that has none.
 """
 
 import argparse
