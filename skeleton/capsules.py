@@ -19,6 +19,7 @@ CAPSULES: tuple[str, ...] = (
     "neck",
     "left_chest",
     "right_chest",
+    "chest",
     "pelvis",
     *(f"{side}_{limb}" for side in SIDES for limb in ("shoulder", "upper_arm", "forearm", "hand")),
     *(f"{side}_{limb}" for side in SIDES for limb in ("thigh", "shin", "foot")),
@@ -35,10 +36,11 @@ def body_capsules(
     height: float | None = None,
     friction: float | None = None,
 ) -> tuple[tuple[Capsule, ...], dict[str, str]]:
-    """Capsules of a body: one for each segment of a limb, head and neck, and a trunk of five.
+    """Capsules of a body: one for each segment of a limb, head and neck, and a trunk of six.
 
     The trunk is wider than deep: `pelvis` lies across the hips; `left_chest` and `right_chest` rise from the waist and
-    part towards the shoulders, side by side; `left_shoulder` and `right_shoulder` slope from the neck to the arms.
+    part towards the shoulders, and `chest` fills the groove between them; `left_shoulder` and `right_shoulder` slope
+    from the neck to the arms.
 
     Args:
         rest: the body.
@@ -86,7 +88,7 @@ def body_capsules(
 
 def _needed_roles(name: str) -> tuple[str, ...]:
     """Roles of the bones that a capsule lies along."""
-    if name.endswith("_chest"):
+    if name.endswith("chest"):
         return ("chest", "pelvis")
     if name == "neck":
         return ("neck", "head")
@@ -113,7 +115,7 @@ class _Figure:
     def segment(self, name: str, radius: float) -> _Segment | None:
         """Segment of a capsule, None where the bones leave it no length."""
         side, _, limb = name.rpartition("_")
-        across = self.left if side == "left" else -self.left
+        across = {"left": self.left, "right": -self.left}.get(side, np.zeros(3))
         if limb == "head":
             return self._head(radius)
         if limb == "neck":
@@ -148,13 +150,15 @@ class _Figure:
         return bone, neck_side, crown_side
 
     def _chest(self, across: FloatArray, radius: float) -> _Segment:
-        """From the side of the waist up and out to below the shoulder joint, where the armpit's muscles end."""
+        """From the waist up to below the shoulder joints, where the armpit's muscles end, and outwards on a side."""
         trunk = self.shoulders - self.hips
         half_chest = max(self.rest.shoulder_width, proportions.CHEST_BREADTH * self.stature) / 2
         top_reach = np.clip(half_chest - radius, 0, _CHEST_SPREAD * radius)
         waist_reach = np.clip(proportions.WAIST_BREADTH * self.stature / 2 - radius, 0, top_reach)
         waist = self.hips + _WAIST * trunk + waist_reach * across
         armpit = self.shoulders - _ARMPIT_DROP * self.stature * self.up + top_reach * across
+        if not across.any():
+            waist = waist + _CHEST_PARTS * (armpit - waist)
         return self._chest_bone(), waist, armpit
 
     def _chest_bone(self) -> int:
@@ -206,7 +210,9 @@ _WAIST = 0.40
 _CHEST_BONE_BELOW = 0.75
 """A joint nearer to the shoulders than this part of the trunk moves the shoulders, not the ribs below them."""
 _CHEST_SPREAD = 0.7
-"""Farthest a chest capsule's axis lies from the middle, in radii: the groove between both is then 0.29 radii deep."""
+"""Farthest a chest capsule's axis lies from the middle's, in radii: the groove between is then 0.06 radii deep."""
+_CHEST_PARTS = 0.25
+"""Where on the way from waist to armpit the middle's starts: below, its cap reaches and the groove is no deeper."""
 _ARMPIT_DROP = 0.045
 """Centre of the chest's upper cap below the shoulder joints: its top is then level with the collar bones."""
 _PELVIS_RISE = 0.015

@@ -186,7 +186,7 @@ def test_capsules_without_bones_are_left_out_and_named():
     }
     assert len(body.capsules()) == len(CAPSULES) - 4
     one_legged = Skeleton.from_clip(figure(without=("LeftUpLeg",)))
-    assert set(one_legged.capsules_left_out()) == {"pelvis", "left_chest", "right_chest", *LEFT_LEG}
+    assert set(one_legged.capsules_left_out()) == {"pelvis", "left_chest", "right_chest", "chest", *LEFT_LEG}
     armless = Skeleton.from_clip(figure(without=("LeftShoulder",)))
     assert armless.capsules() == ()
     assert set(armless.capsules_left_out()) == set(CAPSULES)
