@@ -23,6 +23,7 @@ from cape.version import VERSION
 from motions.arrays import KINDS, read_arrays
 from motions.errors import FileError, ValueRangeError
 from motions.files import whole_file
+from motions.gltf import document as gltf
 from motions.limits import LARGEST_FILE
 from motions.skin import Skin, SkinPiece
 from skeleton.track import BoneTrack
@@ -30,6 +31,7 @@ from skeleton.track import BoneTrack
 TEXT = "take"  # name of the text among the arrays
 SMALL = 16  # numbers of an array that stands in the text
 ROOM = 2**22  # bytes of a file besides its arrays
+MOTIONS = (".bvh", *gltf.SUFFIXES)  # what may be taken for a take
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -64,6 +66,8 @@ def load(path: str | PathLike[str]) -> Take:
             f"{path} is a recording, which holds less than a take: cape replay CLIP -o {path.stem}.npz, or take.keep, "
             "keeps a take"
         )
+    if path.suffix.lower() in MOTIONS and path.is_file():
+        raise FileError(f"{path} is a motion, not a kept take: cape replay {path} -o {path.stem}.npz keeps one")
     arrays = read_arrays(path)
     if TEXT not in arrays or arrays[TEXT].dtype.kind != "S" or arrays[TEXT].ndim:
         raise FileError(f"{path} holds no take: there is no text named {TEXT!r} in it")

@@ -3,14 +3,22 @@
 import json
 from pathlib import Path
 
+import pygltflib
+import trimesh
+from PIL import Image
+
 import cape
 from cape.cli.exports.writing import write
+from cape.exports import FORMATS, may_write
+from tests.characters.builder import character
+from tests.exports.a_figure import make_figure
 from tests.exports.a_take import FPS, FRAMES, make_take
 from tests.support.command import Forks
 
 
 def test_export_by_command(forks: Forks, tmp_path: Path):
     make_take().keep(tmp_path / "walk.npz")
+    (tmp_path / "walk.bvh").touch()
     done = forks("export", "walk.npz", "-o", "out.obj", "--json", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
@@ -27,6 +35,9 @@ def test_export_by_command(forks: Forks, tmp_path: Path):
     for arguments, text in {
         ("walk.npz", "-o", "out.abc"): "no format of exports named '.abc'",
         ("walk.rrd", "-o", "out.obj"): "is a recording",
+        ("walk.bvh", "-o", "out.obj"): "is a motion, not a kept take: cape replay walk.bvh -o walk.npz",
+        ("walk", "-o", "out.obj"): "is a motion, not a kept take: cape replay walk -o out.obj",
+        ("gone.bvh", "-o", "out.obj"): "No such file",
         ("walk.npz", "-o", "no/out.obj"): "there is no folder",
         ("walk.npz", "-o", "out.rrd", "--joints", "4"): "joints are for binary glTF (.glb), not for recordings",
     }.items():
@@ -54,3 +65,53 @@ def test_what_is_written_goes_by_the_suffix(tmp_path: Path):
     for name, kind in {"a.npz": "take", "a.OBJ": "export", "a.rrd": "recording", "a": "recording"}.items():
         assert write(take, tmp_path / name, **as_it_is) == kind
         assert (tmp_path / name).stat().st_size > 0
+
+
+def test_what_comes_beside_an_export_is_not_written_over_what_is_read(forks: Forks, tmp_path: Path):
+    sheet = trimesh.creation.box((0.6, 0.01, 0.8))
+    sheet.export(tmp_path / "coat.obj")
+    character(tmp_path / "hero.glb")
+    Image.new("RGB", (2, 2)).save(tmp_path / "hero_albedo.png")
+    read = pygltflib.GLTF2().load(str(tmp_path / "hero.glb"))
+    assert read is not None
+    read.convert_buffers(pygltflib.BufferFormat.DATAURI)
+    read.images = [pygltflib.Image(uri="hero_albedo.png")]
+    read.save(str(tmp_path / "hero.gltf"))
+    for name in ("skin_0012.ply", "cut.mtl"):
+        (tmp_path / name).touch()
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    for arguments, file in {
+        ("walk", "--cloth", "coat.obj", "-o", "coat.pc2"): "coat.obj",
+        ("walk", "--cloth", "coat.obj", "-o", "Coat.mdd"): "coat.obj",
+        ("walk", "--cloth-visual", "skin_0012.ply", "--cloth", "coat.obj", "-o", "skin.ply"): "skin_0012.ply",
+        ("walk", "--texture", "hero_albedo.png", "-o", "hero.obj"): "hero_albedo.png",
+        ("hero.gltf", "-o", "hero.usd"): "hero_albedo.png",
+        ("hero.glb", "--animation", "hero.gltf", "-o", "hero.usdc"): "hero_albedo.png",
+    }.items():
+        done = forks("replay", *arguments, folder=tmp_path)
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+        assert f"{file}, which is read, would be written over" in done.stderr
+    done = forks("replay", "--script", "hero.glb 1s, walk", "-o", "hero.glb", folder=tmp_path)
+    assert "it is what is read" in done.stderr
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+def test_files_that_do_not_collide_are_no_hindrance():
+    for path, names in {
+        "walk.usd": ("walk.png", "walk_albedo.bmp", "walks_albedo.png", "walk.obj"),
+        "walk.obj": ("walk_Body.png", "walk.glb"),
+        "walk.pc2": ("walk.mdd",),
+        "walk.glb": ("walk_albedo.png", "walk.bvh"),
+        "walk.ply": ("walk_12.ply", "walk_0012.obj"),
+        "walk.rrd": ("walk_albedo.png",),
+    }.items():
+        assert not any(may_write(path, name) for name in names)
+
+
+def test_every_file_of_an_export_is_among_those_that_it_may_write(tmp_path: Path):
+    for number, suffix in enumerate(FORMATS):
+        path = tmp_path / str(number) / f"a b{suffix}"
+        path.parent.mkdir()
+        made = make_figure(2).export(path)
+        assert sorted(made) == sorted(path.parent.iterdir())
+        assert all(may_write(path, file.name) for file in made)

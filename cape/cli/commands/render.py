@@ -78,7 +78,7 @@ def run(reading: Reading, cut: Cut, shots: Shots, *, output: Path | None, hitbox
     recording = _recording(reading, cut, hitboxes)
     # What can be told at once is told before a viewer starts, and that none starts before anything is simulated.
     name = Path(reading.clip or "script").stem
-    path = output_path(output, name, ".png", inputs=(*reading.files, hitboxes))
+    path = output_path(output, name, ".png", inputs=(*reading.files, *cut.mesh.files, hitboxes))
     suffix = path.suffix.lower()
     if suffix not in (*STILLS, *films.SUFFIXES):
         raise UnknownNameError("kind of picture", path.suffix or path.name, (*STILLS, *films.SUFFIXES))
