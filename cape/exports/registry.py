@@ -64,7 +64,7 @@ def format_of(path: str | PathLike[str]) -> Format:
         raise UnknownNameError("format of exports", suffix or Path(path).name, FORMATS, hint)
     found = FORMATS[suffix]
     if found.module is not None and importlib.util.find_spec(found.module) is None:
-        raise UserError(f"{found.name} needs {found.package}: pip install 'cape[export]' (OBJ and PLY need nothing)")
+        raise UserError(f"{found.name} needs {found.package}: pip install {found.package} (OBJ and PLY need nothing)")
     return found
 
 
