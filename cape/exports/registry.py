@@ -26,6 +26,7 @@ class Format:
         module: what writes it, None where nothing else is needed.
         package: that has the module.
         beside: what the names of further files have after the stem of the path's own, a regular expression.
+        require_size: raises ValueRangeError where it can't hold so many frames of so many vertices.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Format:
     module: str | None = None
     package: str = ""
     beside: str | None = None
+    require_size: Callable[[int, int], None] = lambda frames, vertices: None
 
 
 _USD = Format("USD", usd.write, "pxr", "usd-core", r"_.+\.(png|jpg)")
@@ -42,7 +44,7 @@ FORMATS: dict[str, Format] = {
     ".usd": _USD,
     ".usda": _USD,
     ".usdc": _USD,
-    ".glb": Format("binary glTF", glb.write, "pygltflib", "pygltflib"),
+    ".glb": Format("binary glTF", glb.write, "pygltflib", "pygltflib", require_size=glb.require_size),
     ".obj": Format("OBJ, PC2 and MDD", obj.write, beside=rf"{_OBJ}|\.(pc2|mdd)"),
     ".pc2": Format("PC2 and OBJ", obj.write_pc2, beside=_OBJ),
     ".mdd": Format("MDD and OBJ", obj.write_mdd, beside=_OBJ),

@@ -31,6 +31,7 @@ from skeleton.track import BoneTrack
 TEXT = "take"  # name of the text among the arrays
 SMALL = 16  # numbers of an array that stands in the text
 ROOM = 2**22  # bytes of a file besides its arrays
+POSITION = 12  # bytes of a vertex in a frame
 MOTIONS = (".bvh", *gltf.SUFFIXES)  # what may be taken for a take
 
 Arrays = dict[str, NDArray[Any]]
@@ -45,13 +46,26 @@ def keep(take: Take, path: str | PathLike[str]) -> None:
     """
     arrays: Arrays = {}
     content = {"cape": VERSION, TEXT: _plain(take, TEXT, arrays, _classes())}
-    if (size := sum(array.nbytes for array in arrays.values())) > LARGEST_FILE - ROOM:
-        raise ValueRangeError(
-            f"a take of {size / 2**20:.0f} MB can't be kept: {LARGEST_FILE / 2**20:.0f} MB at most are read again"
-        )
+    _require_size(sum(array.nbytes for array in arrays.values()))
     arrays[TEXT] = np.array(json.dumps(content).encode())
     with whole_file(Path(path)) as partial, partial.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays)  # pyright: ignore[reportArgumentType]
+
+
+def require_size(frames: int, vertices: int) -> None:
+    """Check that the positions of so many vertices in so many frames can be kept.
+
+    Raises:
+        ValueRangeError: they can't.
+    """
+    _require_size(POSITION * frames * vertices)
+
+
+def _require_size(size: int) -> None:
+    if size > LARGEST_FILE - ROOM:
+        raise ValueRangeError(
+            f"a take of {size / 2**20:.0f} MB can't be kept: {LARGEST_FILE / 2**20:.0f} MB at most are read again"
+        )
 
 
 def load(path: str | PathLike[str]) -> Take:

@@ -1,15 +1,21 @@
 """`cape export`, and what `cape replay` writes besides recordings."""
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 
 import pygltflib
+import pytest
 import trimesh
 from PIL import Image
 
 import cape
-from cape.cli.exports.writing import write
-from cape.exports import FORMATS, may_write
+from cape.cli.exports.writing import begun, write
+from cape.cli.staging import Staged
+from cape.exports import FORMATS, glb, may_write
+from cape.results import take_file
+from cape.results.take import Take
+from motions.errors import FileError, UserError, ValueRangeError
 from tests.characters.builder import character
 from tests.exports.a_figure import make_figure
 from tests.exports.a_take import FPS, FRAMES, make_take
@@ -115,3 +121,49 @@ def test_every_file_of_an_export_is_among_those_that_it_may_write(tmp_path: Path
         made = make_figure(2).export(path)
         assert sorted(made) == sorted(path.parent.iterdir())
         assert all(may_write(path, file.name) for file in made)
+
+
+@pytest.fixture
+def who() -> Staged:
+    take = make_take()
+    assert take.cloth is not None
+    scene = cape.Scene(take.cloth, attachments=[cape.attach(take.cloth, "hip", [0])])
+    return Staged("walk", take.bones, scene, (), None, None, ())
+
+
+@pytest.mark.parametrize("name", ["long.npz", "long.glb"])
+def test_what_no_file_can_hold_is_told_before_it_is_simulated(
+    name: str, who: Staged, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    frames, vertices = who.track.frames, who.scene.cloth.vertices
+    for spare in (0, -1):
+        monkeypatch.setattr(take_file, "LARGEST_FILE", take_file.ROOM + 12 * frames * vertices + spare)
+        monkeypatch.setattr(glb, "LARGEST", frames * (24 * vertices + 4 * frames) + spare)
+        refused = pytest.raises(ValueRangeError) if spare else nullcontext()
+        with refused, begun(tmp_path / name, who, loop=False, layers=None):
+            pass
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("name", "error"), [("full.npz", ValueRangeError), ("full.usd", FileError)])
+def test_a_run_whose_end_finds_no_room_keeps_what_fits(
+    name: str, error: type[UserError], who: Staged, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    """A disk that others have filled meanwhile, or what a take holds besides its positions."""
+    of = "keep" if name.endswith("npz") else "export"
+    whole = getattr(Take, of)
+
+    def crowded(take: Take, path: Path) -> None:
+        if len(take.positions) > 3:
+            raise error("no room")
+        whole(take, path)
+
+    monkeypatch.setattr(Take, of, crowded)
+    with begun(tmp_path / name, who, loop=False, layers=None) as output:
+        output.finish(make_take())
+    assert output.full() == f"the first 3 of {FRAMES} frames are written, more did not fit"
+    if of == "keep":
+        assert len(Take.load(tmp_path / name).positions) == 3
+    with begun(tmp_path / name, who, loop=False, layers=None) as output:
+        output.finish(make_take(3))
+    assert output.full() is None
