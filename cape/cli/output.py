@@ -8,6 +8,9 @@ from pathlib import Path
 
 from cape import exports
 from motions.errors import FileError, UnknownNameError
+from motions.files import text_of
+
+WANT_TEXT = ("", ".rrd", ".usd", ".usda", ".usdc", ".toml")  # suffixes of what takes no other paths
 
 
 def output_path(
@@ -28,6 +31,8 @@ def output_path(
     for given in filter(None, inputs):
         if _is_same(folder, Path(given).parent) and exports.may_write(path, Path(given).name) and Path(given).exists():
             raise FileError(f"can't write {path}: {given}, which is read, would be written over")
+    if path.suffix.lower() in WANT_TEXT and text_of(whole := str(path.absolute())) != whole:
+        raise FileError(f"can't write {path}: {whole} is no text (UTF-8), as such a file wants its path: rename it")
     if path.is_dir():
         raise FileError(f"can't write {path}: it is a directory")
     if not folder.is_dir():

@@ -1,6 +1,7 @@
 """`cape export`, and what `cape replay` writes besides recordings."""
 
 import json
+import os
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import trimesh
 from PIL import Image
 
 import cape
+import motions
 from cape.cli.exports.writing import begun, write
 from cape.cli.staging import Staged
 from cape.exports import FORMATS, glb, may_write
@@ -167,3 +169,22 @@ def test_a_run_whose_end_finds_no_room_keeps_what_fits(
     with begun(tmp_path / name, who, loop=False, layers=None) as output:
         output.finish(make_take(3))
     assert output.full() is None
+
+
+def test_files_whose_names_are_no_text_are_read_and_written(forks: Forks, tmp_path: Path):
+    """As archives of other systems leave them: in Latin-1, whose bytes Python has as characters that no file holds."""
+    name = os.fsdecode(b"w\xe4lk")
+    motions.save(motions.load("walk").trim(0.0, 0.05), tmp_path / f"{name}.bvh")
+    few = (f"{name}.bvh", "--garment", "back_cape", "--spacing", "0.1")
+    for output in ("a.rrd", "a.npz", "a.usd", "a.glb", f"{name}.obj", f"{name}.npz"):
+        done = forks("replay", *few, "-o", output, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert (tmp_path / output).is_file()
+    assert cape.Take.load(tmp_path / "a.npz").name == "w\ufffdlk"
+    assert b"mtllib w\xe4lk.mtl\n" in (tmp_path / f"{name}.obj").read_bytes()
+    done = forks("batch", *few, "--format", "npz", "-o", name, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for output in (f"{name}.usd", f"{name}.rrd"):
+        done = forks("replay", *few, "-o", output, folder=tmp_path)
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+        assert "is no text (UTF-8)" in done.stderr
