@@ -65,6 +65,11 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
+def text_of(name: str) -> str:
+    """A file's name as text that any file may hold: bytes of it that are no UTF-8 are replaced."""
+    return re.sub("[\ud800-\udfff]", "\N{REPLACEMENT CHARACTER}", name)
+
+
 def fault_of_toml(error: ValueError | RecursionError) -> str:
     """What `tomllib` found wrong with a text, in words for those who know no Python."""
     if isinstance(error, RecursionError):
@@ -152,8 +157,10 @@ def _is_running(process: int) -> bool:
 def write_text(path: Path, text: str, *, newline: str | None = None) -> None:
     """Write a text file; one that is there is replaced at the end. `newline` is as of `open`.
 
+    Names of files that are no text are in it as the bytes that they are.
+
     Raises:
         FileError: it can't be written.
     """
     with whole_file(path) as partial:
-        partial.write_text(text, encoding="utf-8", newline=newline)
+        partial.write_text(text, encoding="utf-8", errors="surrogateescape", newline=newline)

@@ -16,6 +16,7 @@ from motions.bvh import reader
 from motions.bvh.reader import Recording
 from motions.clip import Clip
 from motions.errors import FileError, ValueRangeError, likeliest
+from motions.files import text_of
 from motions.gltf import reader as gltf
 from motions.gltf.document import SUFFIXES
 from motions.shipped import clip_names, clip_path
@@ -108,7 +109,7 @@ def load(
         decisions.append(sentence)
     elif remark := conventions.remark_on_height(units_tall * scale):
         decisions.append(f"unit: {scale:.4g} m as asked makes the body {units_tall * scale:.3g} m tall{remark}")
-    clip = _convert(recording, joints, scale, up, name or path.stem, decisions)
+    clip = _convert(recording, joints, scale, up, text_of(name or path.stem), decisions)
     if (skin := recording.skin) is not None:
         skin = skin.turned(conventions.to_z_up(up), scale)
         skin = replace(skin, bones=tuple(joints[int(bone)] for bone in skin.bones))

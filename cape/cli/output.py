@@ -6,7 +6,11 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from cape import exports
 from motions.errors import FileError, UnknownNameError
+from motions.files import text_of
+
+WANT_TEXT = ("", ".rrd", ".usd", ".usda", ".usdc", ".toml")  # suffixes of what takes no other paths
 
 
 def output_path(
@@ -15,14 +19,20 @@ def output_path(
     """Where to write, by default the motion's name with that ending, checked before anything is simulated.
 
     Raises:
-        FileError: the folder does not exist or can't be written, or the path is a folder, one of the `inputs`, or "-".
+        FileError: the folder does not exist or can't be written, or the path is a folder or "-", or what is written
+            there, or comes beside it, is one of the `inputs`.
     """
-    path = Path(f"{name}{ending}") if asked is None else asked
+    path, inputs = Path(f"{name}{ending}") if asked is None else asked, tuple(inputs)
     if str(path) == "-":
         raise FileError("can't write to standard output: -o takes a file, such as ./-")
     if path.exists() and any(given is not None and _is_same(path, Path(given)) for given in inputs):
         raise FileError(f"can't write {path}: it is what is read")
     folder = path.resolve().parent
+    for given in filter(None, inputs):
+        if _is_same(folder, Path(given).parent) and exports.may_write(path, Path(given).name) and Path(given).exists():
+            raise FileError(f"can't write {path}: {given}, which is read, would be written over")
+    if path.suffix.lower() in WANT_TEXT and text_of(whole := str(path.absolute())) != whole:
+        raise FileError(f"can't write {path}: {whole} is no text (UTF-8), as such a file wants its path: rename it")
     if path.is_dir():
         raise FileError(f"can't write {path}: it is a directory")
     if not folder.is_dir():

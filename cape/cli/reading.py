@@ -1,5 +1,6 @@
 """What a command line asks for of a motion and of who makes it, and both read."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -11,6 +12,7 @@ from motions.amass.reader import is_amass
 from motions.arrays import array_names
 from motions.bodies.roles import ROLES
 from motions.errors import FileError, UnknownNameError, UserError, ValueRangeError
+from motions.gltf import document as gltf
 from motions.loading import require_ways
 from skeleton import RobotMotion, Skeleton, load_configurations
 from skeleton.known_robots import find_urdf
@@ -51,9 +53,13 @@ class Reading:
         return None if is_amass(Path(self.clip)) else Path(self.clip)
 
     @property
-    def files(self) -> tuple[str | None, ...]:
-        """What is read, as far as it is files."""
-        return self.clip, self.skeleton
+    def files(self) -> tuple[str | Path | None, ...]:
+        """What is read, as far as it is files: with what they name as their textures, and a script's clips."""
+        clips = [self.clip]
+        with suppress(UserError):  # which is told where it is read
+            clips += [step.clip for step in motions.parse_script(self.script or "")]
+        given = [*clips, self.skeleton, self.animation]
+        return *given, *(file for each in given if each is not None for file in _named_by(each))
 
     def or_walk(self) -> "Reading":
         """The same, of the walk that comes along where there is neither a clip nor a script."""
@@ -178,6 +184,16 @@ class Reading:
         if motion.frames < 2:
             raise ValueRangeError(f"{motion.name} has a single frame: a motion needs at least two")
         return motion
+
+
+def _named_by(file: str) -> tuple[Path, ...]:
+    """What a character's file has beside it, as textures; nothing where it is no such file, or can't be read."""
+    if Path(file).suffix.lower() not in gltf.SUFFIXES:
+        return ()
+    try:
+        return gltf.Document.read(Path(file)).beside
+    except (UserError, TypeError):
+        return ()
 
 
 def _unit(text: str | None) -> str | float | None:

@@ -30,12 +30,20 @@ def write(mesh: MovingMesh, path: Path) -> tuple[Path]:
         ValueRangeError: it would be larger than a GLB can be.
         FileError: it can't be written.
     """
-    frames, vertices = mesh.positions.shape[:2]
-    if (size := frames * (24 * vertices + 4 * frames)) > LARGEST:
-        raise ValueRangeError(f"{frames} frames are too many for a GLB: it would have {size / 2**30:.1f} GB, not 4")
+    require_size(*mesh.positions.shape[:2])
     buffer = Buffer()
     save(_gltf(mesh, buffer), buffer, path)
     return (path,)
+
+
+def require_size(frames: int, vertices: int) -> None:
+    """Check that a file can hold so many frames.
+
+    Raises:
+        ValueRangeError: it can't.
+    """
+    if (size := frames * (24 * vertices + 4 * frames)) > LARGEST:
+        raise ValueRangeError(f"{frames} frames are too many for a GLB: it would have {size / 2**30:.1f} GB, not 4")
 
 
 def _gltf(mesh: MovingMesh, buffer: Buffer) -> Any:

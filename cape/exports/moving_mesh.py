@@ -97,7 +97,7 @@ def moving_mesh(take: Take) -> MovingMesh:
     return MovingMesh(
         name=take.name,
         times=bones.times - bones.times[0],
-        fps=bones.fps if frames > 1 else STILL_FPS,
+        fps=_rate(bones) if frames > 1 else STILL_FPS,
         positions=np.asarray(take.positions[:frames], dtype=np.float32),
         triangles=take.triangles_at(len(take.positions) - 1),
         texcoords=np.asarray(take.texcoords, dtype=np.float32),
@@ -106,6 +106,13 @@ def moving_mesh(take: Take) -> MovingMesh:
         bones=bones,
         colliders=take.colliders,
     )
+
+
+def _rate(bones: BoneTrack) -> float:
+    """Frames per second, without the last digits that times of 53 bits leave: who cuts them off reads 59 of 59.9999."""
+    plain, slack = round(bones.fps, 6), 2.0 * float(np.spacing(np.abs(bones.times).max()))
+    duration = float(bones.times[-1] - bones.times[0])
+    return plain if abs(plain * duration - (bones.frames - 1)) <= slack * plain else bones.fps
 
 
 def y_up(vectors: NDArray[np.float32]) -> NDArray[np.float32]:

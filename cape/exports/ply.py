@@ -4,6 +4,8 @@ PLY states no axes; these are Z up, in metres, as a comment in each file says wi
 vertices' `s` and `t`, which begin at the texture's lower left corner.
 """
 
+import re
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -44,4 +46,17 @@ def write(mesh: MovingMesh, path: Path) -> tuple[Path, ...]:
         files.append(path.with_name(f"{path.stem}_{frame:0{digits}}{path.suffix}"))
         with whole_file(files[-1]) as partial:
             partial.write_bytes(head.encode() + rows.tobytes() + faces.tobytes())
+    if others := _others(path, files):
+        warnings.warn(
+            f"{len(others)} more files are called so, {others[0].name} to {others[-1].name}: a program that reads the "
+            "sequence takes them for its end",
+            stacklevel=4,
+        )
     return tuple(files)
+
+
+def _others(path: Path, files: list[Path]) -> list[Path]:
+    """Files that are named as one of the sequence, and are none."""
+    written = {file.name for file in files}
+    called = re.compile(rf"{re.escape(path.stem)}_\d+{re.escape(path.suffix)}")
+    return sorted(each for each in path.parent.iterdir() if called.fullmatch(each.name) and each.name not in written)

@@ -1,6 +1,7 @@
 """The formats there are: a line for each suffix."""
 
 import importlib.util
+import re
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,25 +25,30 @@ class Format:
         write: writes a mesh to a path, and gives all files that it made.
         module: what writes it, None where nothing else is needed.
         package: that has the module.
+        beside: what the names of further files have after the stem of the path's own, a regular expression.
+        require_size: raises ValueRangeError where it can't hold so many frames of so many vertices.
     """
 
     name: str
     write: Callable[[MovingMesh, Path], tuple[Path, ...]]
     module: str | None = None
     package: str = ""
+    beside: str | None = None
+    require_size: Callable[[int, int], None] = lambda frames, vertices: None
 
 
-_USD = Format("USD", usd.write, "pxr", "usd-core")
+_USD = Format("USD", usd.write, "pxr", "usd-core", r"_.+\.(png|jpg)")
+_OBJ = r"\.(obj|mtl)|_albedo\.png"
 
 FORMATS: dict[str, Format] = {
     ".usd": _USD,
     ".usda": _USD,
     ".usdc": _USD,
-    ".glb": Format("binary glTF", glb.write, "pygltflib", "pygltflib"),
-    ".obj": Format("OBJ, PC2 and MDD", obj.write),
-    ".pc2": Format("PC2 and OBJ", obj.write_pc2),
-    ".mdd": Format("MDD and OBJ", obj.write_mdd),
-    ".ply": Format("a PLY file for each frame", ply.write),
+    ".glb": Format("binary glTF", glb.write, "pygltflib", "pygltflib", require_size=glb.require_size),
+    ".obj": Format("OBJ, PC2 and MDD", obj.write, beside=rf"{_OBJ}|\.(pc2|mdd)"),
+    ".pc2": Format("PC2 and OBJ", obj.write_pc2, beside=_OBJ),
+    ".mdd": Format("MDD and OBJ", obj.write_mdd, beside=_OBJ),
+    ".ply": Format("a PLY file for each frame", ply.write, beside=r"_\d{4,}\.ply"),
 }
 """By suffix."""
 
@@ -60,8 +66,18 @@ def format_of(path: str | PathLike[str]) -> Format:
         raise UnknownNameError("format of exports", suffix or Path(path).name, FORMATS, hint)
     found = FORMATS[suffix]
     if found.module is not None and importlib.util.find_spec(found.module) is None:
-        raise UserError(f"{found.name} needs {found.package}: pip install 'cape[export]' (OBJ and PLY need nothing)")
+        raise UserError(f"{found.name} needs {found.package}: pip install {found.package} (OBJ and PLY need nothing)")
     return found
+
+
+def may_write(path: str | PathLike[str], name: str) -> bool:
+    """Whether an export to a path may make a file of this name in the path's folder."""
+    path = Path(path)
+    if name == path.name:
+        return True
+    beside = FORMATS[path.suffix.lower()].beside if path.suffix.lower() in FORMATS else None
+    # Case aside, since some file systems do not tell small letters from capitals.
+    return beside is not None and re.fullmatch(f"{re.escape(path.stem)}({beside})", name, re.IGNORECASE) is not None
 
 
 def export(take: Take, path: str | PathLike[str], *, joints: int | None = None) -> tuple[Path, ...]:

@@ -16,6 +16,7 @@ from cape.results.so_far import SoFar
 from cape.run.simulate import simulate
 from cape.scene.dress import dress
 from motions.errors import UserError
+from motions.files import text_of
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -42,9 +43,9 @@ def run(path: str, motion: str, options: Sequence[str]) -> int:
 
     keep_from_text()
     end_with_viewer()
-    given = parse(options, name=Path(path).stem)
+    given = parse(options, name=text_of(Path(path).stem))
     stream = rr.RecordingStream(given.application_id, recording_id=given.recording_id)
-    stream.send_recording_name(Path(path).stem)
+    stream.send_recording_name(text_of(Path(path).stem))
     viewer = Viewer(stream)
     try:
         with warnings.catch_warnings():

@@ -23,6 +23,7 @@ from cape.version import VERSION
 from motions.arrays import KINDS, read_arrays
 from motions.errors import FileError, ValueRangeError
 from motions.files import whole_file
+from motions.gltf import document as gltf
 from motions.limits import LARGEST_FILE
 from motions.skin import Skin, SkinPiece
 from skeleton.track import BoneTrack
@@ -30,6 +31,8 @@ from skeleton.track import BoneTrack
 TEXT = "take"  # name of the text among the arrays
 SMALL = 16  # numbers of an array that stands in the text
 ROOM = 2**22  # bytes of a file besides its arrays
+POSITION = 12  # bytes of a vertex in a frame
+MOTIONS = (".bvh", *gltf.SUFFIXES)  # what may be taken for a take
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -43,13 +46,26 @@ def keep(take: Take, path: str | PathLike[str]) -> None:
     """
     arrays: Arrays = {}
     content = {"cape": VERSION, TEXT: _plain(take, TEXT, arrays, _classes())}
-    if (size := sum(array.nbytes for array in arrays.values())) > LARGEST_FILE - ROOM:
-        raise ValueRangeError(
-            f"a take of {size / 2**20:.0f} MB can't be kept: {LARGEST_FILE / 2**20:.0f} MB at most are read again"
-        )
+    _require_size(sum(array.nbytes for array in arrays.values()))
     arrays[TEXT] = np.array(json.dumps(content).encode())
     with whole_file(Path(path)) as partial, partial.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays)  # pyright: ignore[reportArgumentType]
+
+
+def require_size(frames: int, vertices: int) -> None:
+    """Check that the positions of so many vertices in so many frames can be kept.
+
+    Raises:
+        ValueRangeError: they can't.
+    """
+    _require_size(POSITION * frames * vertices)
+
+
+def _require_size(size: int) -> None:
+    if size > LARGEST_FILE - ROOM:
+        raise ValueRangeError(
+            f"a take of {size / 2**20:.0f} MB can't be kept: {LARGEST_FILE / 2**20:.0f} MB at most are read again"
+        )
 
 
 def load(path: str | PathLike[str]) -> Take:
@@ -64,6 +80,8 @@ def load(path: str | PathLike[str]) -> Take:
             f"{path} is a recording, which holds less than a take: cape replay CLIP -o {path.stem}.npz, or take.keep, "
             "keeps a take"
         )
+    if path.suffix.lower() in MOTIONS and path.is_file():
+        raise FileError(f"{path} is a motion, not a kept take: cape replay {path} -o {path.stem}.npz keeps one")
     arrays = read_arrays(path)
     if TEXT not in arrays or arrays[TEXT].dtype.kind != "S" or arrays[TEXT].ndim:
         raise FileError(f"{path} holds no take: there is no text named {TEXT!r} in it")

@@ -98,6 +98,16 @@ class Document:
                 return Document.of_glb(data, str(path), path.parent)
             return Document(str(path), _description(data, str(path)), b"", path.parent)
 
+    @property
+    def beside(self) -> tuple[Path, ...]:
+        """Files that it names, as textures and buffers, in its own folder."""
+        named = [each.get("uri") for kind in ("buffers", "images") for each in self.list_of(kind)]
+        return tuple(
+            self.folder / unquote(uri)
+            for uri in named
+            if self.folder is not None and isinstance(uri, str) and ":" not in uri.split("/")[0]
+        )
+
     def list_of(self, kind: str) -> list[dict[str, Any]]:
         """All things of a kind that the file describes, such as "nodes"."""
         found = self.top.get(kind, [])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from motions.border import checked
 from motions.clip import Clip
 from motions.errors import UnknownNameError, UserError, ValueRangeError
+from motions.files import text_of
 from motions.graph.alignment import window_distances
 from motions.graph.blend import SUPPORTS, Blends, blend_windows
 from motions.graph.blend_source import Source
@@ -394,7 +395,7 @@ class MotionGraph:
         first = self._sources[steps[0].clip].clip
         rotations, local_positions = splice.poses()
         moving = any(self._sources[step.clip].clip.local_positions is not None for step in steps)
-        names = [Path(step.clip).stem for step in steps]
+        names = [text_of(Path(step.clip).stem) for step in steps]
         more = len(names) - MOST_NAMED
         told = [
             f"{name}: {decision}"

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from motions.border import checked
 from motions.errors import ValueRangeError
+from motions.files import text_of
 from skeleton.model import Skeleton
 from skeleton.rest import missing_roles
 from skeleton.robot.columns import Numbers
@@ -88,9 +89,9 @@ def load_configurations(path: str | PathLike[str], body: Skeleton, *, fps: float
     rows, unit = _in_radians(rows, body.model)
     rows, lengths = _unit_quaternions(path, rows, body.model)
     rows = followed(rows, body.mimics, body.model)
-    motion = RobotMotion(path.stem, rows, times)
+    motion = RobotMotion(text_of(path.stem), rows, times)
     decisions += [*order, *unit, *lengths, *_doubts(path, motion, body)]
-    return RobotMotion(path.stem, rows, times, tuple(decisions))
+    return RobotMotion(text_of(path.stem), rows, times, tuple(decisions))
 
 
 @checked

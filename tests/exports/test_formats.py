@@ -92,6 +92,22 @@ def test_ply_frame_by_frame(take: Take, tmp_path: Path):
     assert f"frame 3 of {FRAMES}, at {3 / FPS:.6f} s".encode() in files[3].read_bytes()
 
 
+def test_frames_of_another_export_are_told(take: Take, tmp_path: Path):
+    take.export(tmp_path / "walk.ply")
+    (tmp_path / "walk_a.ply").touch()
+    with pytest.warns(UserWarning, match=r"4 more files .* walk_0003.ply to walk_0006.ply"):
+        take.part(0, 3).export(tmp_path / "walk.ply")
+
+
+def test_a_rate_is_told_without_the_digits_that_rounding_leaves():
+    """Times of 60 frames a second make 59.99999999999999 of it, which whoever keeps whole numbers takes for 59."""
+    whole = make_take(280)
+    for rate, start in ((60.0, 0.0), (60.0, 100.0), (29.97, 0.0), (24.0, 7.3), (30000 / 1001, 0.0), (59.99999, 0.0)):
+        times = start + np.arange(280) / rate
+        told = moving_mesh.moving_mesh(replace(whole, bones=replace(whole.bones, times=times))).fps
+        assert told == (rate if rate != 30000 / 1001 else pytest.approx(rate, rel=1e-13))
+
+
 class GLB:
     """A binary glTF as its specification lays it out."""
 
@@ -180,9 +196,9 @@ def test_formats_and_packages_that_are_not_there(take: Take, tmp_path: Path, mon
     with pytest.raises(FileError, match="can't write"):
         take.export(tmp_path / "nowhere" / "walk.obj")
     monkeypatch.setattr(sys, "path", [])
-    for module, suffix in {"pxr": "usd", "pygltflib": "glb"}.items():
+    for module, suffix, package in (("pxr", "usd", "usd-core"), ("pygltflib", "glb", "pygltflib")):
         monkeypatch.delitem(sys.modules, module, raising=False)
-        with pytest.raises(UserError, match=r"pip install 'cape\[export\]'"):
+        with pytest.raises(UserError, match=f"pip install {package} "):
             take.export(tmp_path / f"walk.{suffix}")
     assert not list(tmp_path.iterdir())
 

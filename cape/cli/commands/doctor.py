@@ -77,7 +77,9 @@ def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
     rows += [(f"for {use}", f"lacks {name}: pip install {name}") for name, use in WITHOUT.items() if name in lacking]
     for extra, names in found["extras"].items():
         missing = [name for name, version in names.items() if version is None]
-        told = f"lacks {', '.join(missing)}: pip install 'cape[{extra}]'" if missing else "there"
+        # An extra of cape would also install what is left out on purpose.
+        ask = " ".join(missing) if lacking else f"'cape[{extra}]'"
+        told = f"lacks {', '.join(missing)}: pip install {ask}" if missing else "there"
         rows.append((f"for {USES[extra]}", told))
     return rows
 

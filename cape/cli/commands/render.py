@@ -20,7 +20,7 @@ from cape.pictures.eye import side_of
 from cape.pictures.stills import Side
 from cape.pictures.viewer import Viewer, require_recording, require_viewer, viewer
 from motions.errors import UnknownNameError, UserError, ValueRangeError
-from motions.files import scratch_folder
+from motions.files import scratch_folder, text_of
 
 STILLS = (".png", ".jpg", ".jpeg")
 LEAST, MOST = 16, 4096  # [pixels] of a picture's side
@@ -77,8 +77,8 @@ def run(reading: Reading, cut: Cut, shots: Shots, *, output: Path | None, hitbox
     """Draw; gives the exit status."""
     recording = _recording(reading, cut, hitboxes)
     # What can be told at once is told before a viewer starts, and that none starts before anything is simulated.
-    name = Path(reading.clip or "script").stem
-    path = output_path(output, name, ".png", inputs=(*reading.files, hitboxes))
+    name = text_of(Path(reading.clip or "script").stem)
+    path = output_path(output, name, ".png", inputs=(*reading.files, *cut.mesh.files, hitboxes))
     suffix = path.suffix.lower()
     if suffix not in (*STILLS, *films.SUFFIXES):
         raise UnknownNameError("kind of picture", path.suffix or path.name, (*STILLS, *films.SUFFIXES))

@@ -10,7 +10,8 @@ from cape.cli.output import output_path
 from cape.exports import format_of, require_format
 from cape.record import require_recorder
 from cape.results.take import Take
-from motions.errors import UserError
+from motions import clip_names
+from motions.errors import FileError, UserError
 
 MOST_TOLD = 5  # files of an export, each on a line; of more, the first and the last
 
@@ -25,6 +26,8 @@ def run(path: Path, output: Path, *, joints: int | None, json: bool) -> int:
     else:
         require_format(output, joints=joints)
     output_path(output, "", inputs=(path,))
+    if not path.exists() and str(path) in clip_names():
+        raise FileError(f"{path} is a motion, not a kept take: cape replay {path} -o {output} simulates and writes it")
     take = Take.load(path)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

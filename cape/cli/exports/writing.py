@@ -10,10 +10,11 @@ from cape.cli.output import require_suffix
 from cape.cli.running import RECORDER
 from cape.cli.staging import Staged
 from cape.record.files.sink import room_at
+from cape.results import take_file
 from cape.results.so_far import SoFar
 from cape.results.take import Take
 from cape.scene.scene import Scene
-from motions.errors import FileError, UserError
+from motions.errors import FileError, UserError, ValueRangeError
 from motions.skin import Skin
 from skeleton.robot.meshes.link_surfaces import LinkSurface
 from skeleton.track import worn_by
@@ -105,12 +106,21 @@ def write_what_fits(
         with growing_file(path, scene, take.bones, name=take.name, surfaces=surfaces, whole=False) as file:
             file.finish(take)
         return kind, file.full
+    return kind, _write_fitting(take, lambda part: write(part, path, surfaces=surfaces))
+
+
+def _write_fitting(take: Take, written: Callable[[Take], object]) -> str | None:
+    """Write a take, or as many of its first frames as there is room for; gives why these are not all, if so.
+
+    Raises:
+        UserError: not even two frames can be written.
+    """
     fits = of = len(take.positions)
     while True:
         try:
-            write(take.part(0, fits), path, surfaces=surfaces)
-            return kind, None if fits == of else f"the first {fits} of {of} frames are written, more did not fit"
-        except FileError:
+            written(take if fits == of else take.part(0, fits))
+            return None if fits == of else f"the first {fits} of {of} frames are written, more did not fit"
+        except (FileError, ValueRangeError):
             fits //= 2
             if fits < 2:
                 raise
@@ -145,13 +155,15 @@ def begun(path: Path, who: Staged, *, loop: bool, layers: Sequence[str] | None, 
     """
     kind = _kind(path)
     if kind != "recording":
-        _require_room(path, 12 * who.scene.cloth.vertices * who.track.frames)
-    if kind != "recording":
+        frames, vertices, short = who.track.frames, who.scene.cloth.vertices, None
+        (take_file if kind == "take" else exports.format_of(path)).require_size(frames, vertices)
+        _require_room(path, take_file.POSITION * frames * vertices)
 
         def finish(take: Take) -> None:
-            write(take, path, layers=layers, surfaces=who.surfaces, skin=who.skin, tab=tab)
+            nonlocal short
+            short = _write_fitting(take, lambda part: write(part, path, surfaces=who.surfaces, skin=who.skin))
 
-        yield Output(kind, finish)
+        yield Output(kind, finish, full=lambda: short)
     else:
         from cape.record.growing import growing_file
 

@@ -25,7 +25,7 @@ from cape.cli.scenes.tables import (
     fabric_of,
 )
 from motions.errors import FileError, UnknownNameError, UserError
-from motions.files import printable, read_bytes
+from motions.files import printable, read_bytes, text_of
 from motions.limits import LARGEST_NUMBER
 
 LARGEST = 2**18  # bytes: a scene of a thousand colliders has most of that
@@ -57,7 +57,7 @@ class SceneFile:
     @property
     def name(self) -> str:
         """What the scene is called: its file without a suffix."""
-        return self.path.stem
+        return text_of(self.path.stem)
 
     @cached_property
     def lines(self) -> Lines:
