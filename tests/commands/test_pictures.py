@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
@@ -24,6 +25,9 @@ from cape.pictures.viewer import NO_GRAPHICS, PATIENCE, Viewer, require_viewer
 from motions.errors import UnknownNameError, UserError, ValueRangeError
 from tests.support.command import CAPE, Forks, cape
 from tests.support.processes import mistake_told
+
+if TYPE_CHECKING:
+    from rerun.experimental import ViewerClient
 
 WITHOUT_VULKAN = {"VK_DRIVER_FILES": "/none", "VK_ICD_FILENAMES": "/none"}
 
@@ -130,7 +134,7 @@ class SlowClient:
 @pytest.mark.parametrize(("late", "told"), [(PATIENCE - 1, "no recording of"), (PATIENCE, "unanswered")])
 def test_a_viewer_that_draws_late_is_asked_again(late: int, told: str, tmp_path: Path):
     (tmp_path / "empty.rrd").touch()
-    viewer = Viewer(SlowClient(late), (64, 64), clear_at=0.0)
+    viewer = Viewer(cast("ViewerClient", SlowClient(late)), (64, 64), clear_at=0.0)
     with pytest.raises(UserError, match=told):
         viewer.open(tmp_path / "empty.rrd")
 
