@@ -140,7 +140,7 @@ def _enlarge(cloth: Hanging, vertices: int) -> None:
     missing = -(-(vertices - grid.vertices) // grid.columns)
     rows = grid.rows - grid.whole.rows + max(missing, spare_rows(grid.whole))
     larger = SplitGrid.of(grid.whole, rows).split(grid.corners, grid.parents)
-    grown = assemble(assembly.scene, cloth.held, threads=len(assembly.ranks), split=larger)
+    grown = assemble(assembly.scene, cloth.held, threads=len(assembly.ranks), split=larger, hands=assembly.hands)
     go_on_in(cloth, grown, State(*(grown.inwards(component[: grid.in_use]) for component in cloth.state)))
 
 

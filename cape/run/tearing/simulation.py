@@ -12,6 +12,7 @@ from cape.results.topology import Topology
 from cape.run.hanging import Hanging
 from cape.run.tearing.refit_mesh import give_up_spares
 from cape.run.tearing.tears import Tears
+from cape.run.whereabouts import Place
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 from cape.solvers import Solver
@@ -65,6 +66,41 @@ class MayTear(ABC):
         if self._tears is None:
             return Topology(0, cloth.triangles, np.arange(vertices))
         return Topology(0, self._tears.triangles, self._tears.sheet.parents)
+
+    def place(self) -> Place:
+        """Where the cloth is now, whether it has torn or not, for `go_on_at`.
+
+        Raises:
+            ValueRangeError: the simulation has not been started.
+        """
+        return self._started.place()
+
+    def go_on_at(self, place: Place) -> None:
+        """Go on from where another simulation is, of a cloth of as many vertices; see `tear_like`.
+
+        Raises:
+            ValueRangeError: the simulation has not been started.
+        """
+        self._started.go_to(place)
+
+    def tear_like(self, other: "MayTear") -> None:
+        """Have the cloth be torn as that of another simulation is, where it is, and count those tears as its own.
+
+        Args:
+            other: of a cloth of the same cells, which has torn at least where this one has.
+
+        Raises:
+            ValueRangeError: one of them has not been started, this one may not tear, or the cells are others.
+        """
+        cloth, torn = self._started, other._tears
+        if torn is None or not other.tears:
+            return
+        if self._tears is None or self._tears.sheet.cells.shape != torn.sheet.cells.shape:
+            raise ValueRangeError("a cloth that has torn can only go on as one that may tear, of the same cells")
+        if self._tears.sheet.vertices < torn.sheet.vertices:
+            self._tears.become(cloth, torn.sheet)
+            cloth.prepare()
+        self._tears.released = torn.released
 
     def own_substeps(self, dt: float) -> int:
         """Steps in `dt` [s] that the solver would choose, whatever was asked for.
