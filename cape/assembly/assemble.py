@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.contact import Contacts, contacts_of, for_another_thread
+from cape.assembly.fabrics import patchwork_of
 from cape.assembly.holding import attached_of, by_kind, confined_of, pull_of, rails_of, tethers_of, ties_of
 from cape.assembly.springs import Springs, springs_of
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
@@ -171,10 +172,11 @@ def assemble(
 ) -> Assembly:
     """Build the arrays of a scene whose attachments hold the given vertices, for so many threads.
 
-    A grid that may tear has `spare` vertices, and a mesh that may if they are asked for. One that has been torn is
+    A grid that may tear has `spare` vertices, and a mesh of one fabric that may if they are asked for: of several it is
+    laid out anew whenever it tears, as its pieces have arrays of their own. One that has been torn is
     given as it has split, a mesh with its springs. `hands` are those that may take hold of it.
     """
-    cloth, order = scene.cloth, None
+    cloth, order, spare = scene.cloth, None, spare and patchwork_of(scene.cloth) is None
     if isinstance(cloth, MeshCloth):
         cloth, order = _in_order(scene, cloth, split, spare=spare)
         rank = np.argsort(order)

@@ -247,8 +247,6 @@ def test_threads_may_get_as_long_as_the_fabric_of_each_lets_them():
 
 def test_what_a_mesh_of_several_fabrics_can_not_be_is_told():
     outfit, sheets = apart()
-    with pytest.raises(ValueRangeError, match="does not tear"):
-        Scene(outfit, tearing=cape.Tearing(strain=0.2))
     with pytest.raises(ValueRangeError, match="leave out its patchwork"):
         Scene(replace(outfit, fabric=cape.FABRICS["denim"]))
     number = np.arange(len(sheets[0].faces)) % 2
