@@ -1,33 +1,22 @@
 """Outfits that tear: which part does, its take, and its recording."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import cape
 from cape.cloth.triangle_mesh import edges_of
 from cape.outfits.apart import takes_apart
-from cape.outfits.combined import combined
 from cape.results.take import Take
 from cape.scene.tearing_scenes import torn
 from tests.support.scenes import walking
-from tests.tearing.to_tear import fans
+from tests.tearing.to_tear import fans, with_another_aside
 
 
 @pytest.fixture(scope="module")
 def beside() -> Take:
     """A sheet that a heavy ball has fallen on, behind another one that is held likewise and bears nothing."""
     standard = torn(spacing=0.06, seconds=0.5)
-    scene, cloth, off = standard.scene, standard.scene.cloth, np.array([0.0, 3.0, 0.0])
-    outfit = combined(["aside", "under"], [cloth] * 2, [cloth.positions + off, cloth.positions])
-    away = [a if a.points is None else replace(a, points=a.points + off) for a in scene.attachments]
-    both = [
-        replace(each, vertices=each.vertices + start, cloth_vertices=outfit.vertices)
-        for held, start in ((away, 0), (scene.attachments, cloth.vertices))
-        for each in held
-    ]
-    return cape.simulate(replace(scene, cloth=outfit, attachments=both), standard.track, name="both")
+    return cape.simulate(with_another_aside(standard.scene), standard.track, name="both")
 
 
 def test_a_part_that_tears_has_its_own_vertices_and_triangles(beside):
