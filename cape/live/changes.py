@@ -278,6 +278,16 @@ class Changes:
         return next((n for n, f in FABRICS.items() if f == cloth.fabric and patchwork_of(cloth) is None), "")
 
     @property
+    def coming(self) -> Solver:
+        """The solver that it goes on with, now or once that stands ready."""
+        return self._coming
+
+    @property
+    def self_contact(self) -> bool:
+        """Whether the cloth touches itself, now or once that stands ready."""
+        return self._wanted.self_contact is not None
+
+    @property
     def corners(self) -> tuple[str, ...]:
         """Names of what can be pinned."""
         return tuple(corners(self._rig.first.cloth))
