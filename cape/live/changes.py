@@ -118,17 +118,11 @@ class Changes:
     def use(self, solver: Solver, told: str, *, must: bool = True) -> None:
         """Go on with a solver once a cloth stands ready for it; on the thread of the physics.
 
-        Where it can't be used, that is told if it `must`.
+        Where a grid would have to go on as a mesh, from which it does not come back, that is done if it `must`.
         """
 
         def change() -> str | None:
-            try:
-                self._rig.require_may_use(solver)
-            except ValueRangeError:
-                if must:
-                    raise
-                return None
-            return self._go_on_with(solver, told)
+            return self._go_on_with(solver, told) if must or self._rig.steps(solver) else None
 
         self._do(change)
 

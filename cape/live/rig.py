@@ -149,15 +149,10 @@ class Rig:
         self.simulation.change_solver(solver)
         self.solver = solver
 
-    def require_may_use(self, solver: Solver) -> None:
-        """Tell whether the cloth can go on with a solver.
-
-        Raises:
-            ValueRangeError: it is a grid that may tear, which only one solver steps.
-        """
+    def steps(self, solver: Solver) -> bool:
+        """Whether a solver steps the cloth as it is laid out: not all step a grid that may tear, but a mesh of it."""
         scene = self.simulation.scene
-        if tearable(scene, solver) is not scene:
-            raise ValueRangeError(f"a grid that may tear was set out with {self.solver.name}: it can't go on otherwise")
+        return tearable(scene, solver) is scene
 
     def tear(self, path: ArrayLike) -> int:
         """Part the edges along a path of vertices; gives how many have parted.

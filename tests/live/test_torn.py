@@ -135,17 +135,24 @@ def test_what_is_changed_leaves_the_tears_and_the_hand(solver: str, change: Call
     np.testing.assert_allclose(changed.positions[at:, FIRST], np.tile(goal, (21, 1)), atol=0.006)
 
 
-def test_a_solver_that_steps_no_spare_vertices_takes_a_torn_mesh_over():
+@pytest.mark.parametrize(("first", "then"), [("xpbd", "tr_bdf2"), ("euler", "xpbd")])
+def test_another_solver_takes_over_what_has_torn(first: str, then: str):
+    """A mesh in one that steps no spare vertices, and a grid as a mesh, by the same triangles; which tears on."""
     at = LED + 20
     plan = {TORN: tear, HELD: BY_HAND[HELD], LED: BY_HAND[LED]}
-    usual = ran(plan, solver="xpbd", frames=at + 20)
-    plan[at] = lambda run: run.changes.set_solver("tr_bdf2")
-    take = ran(plan, solver="xpbd", frames=at + 20)
-    assert take.solver == "tr_bdf2"
+    usual = ran(plan, solver=first, frames=at + 20)
+    plan[at] = lambda run: run.changes.set_solver(then)
+    take = ran(plan, solver=first, frames=at + 20)
+    assert take.solver == then
+    assert take.tears == usual.tears
     assert len(take.topologies) == 2
+    assert take.topologies[-1].is_as(usual.topologies[-1])
+    assert take.mass == pytest.approx(usual.mass, rel=1e-6)
     assert speeds(take, at, at + 20).max() < 1.5 * speeds(usual, LED, at + 20).max()
     goal = take.positions[LED, FIRST] + WAY
     np.testing.assert_allclose(take.positions[at:, FIRST], np.tile(goal, (21, 1)), atol=0.006)
+    plan[at + 5] = tear
+    assert ran(plan, solver=first, frames=at + 20).tears > take.tears
 
 
 def test_what_tears_while_a_change_is_made_ready_is_torn_in_what_goes_on():

@@ -11,6 +11,7 @@ from cape.cloth.meshing import as_mesh
 from cape.results.topology import Topology
 from cape.run.hanging import Hanging
 from cape.run.tearing.refit_mesh import give_up_spares
+from cape.run.tearing.sheets import in_triangles
 from cape.run.tearing.tears import Tears
 from cape.run.whereabouts import Place
 from cape.scene.poses import Pose
@@ -87,18 +88,22 @@ class MayTear(ABC):
         """Have the cloth be torn as that of another simulation is, where it is, and count those tears as its own.
 
         Args:
-            other: of a cloth of the same cells, which has torn at least where this one has.
+            other: of a cloth of the same triangles, which may be a grid where this is a mesh; it has torn at least where
+                this one has.
 
         Raises:
-            ValueRangeError: one of them has not been started, this one may not tear, or the cells are others.
+            ValueRangeError: one of them has not been started, this one may not tear, or the triangles are others.
         """
         cloth, torn = self._started, other._tears
         if torn is None or not other.tears:
             return
-        if self._tears is None or self._tears.sheet.cells.shape != torn.sheet.cells.shape:
-            raise ValueRangeError("a cloth that has torn can only go on as one that may tear, of the same cells")
-        if self._tears.sheet.vertices < torn.sheet.vertices:
-            self._tears.become(cloth, torn.sheet)
+        if self._tears is None or len(self._tears.triangles) != len(torn.triangles):
+            raise ValueRangeError("a cloth that has torn can only go on as one that may tear, of the same triangles")
+        sheet = torn.sheet
+        if isinstance(other.scene.cloth, GridCloth) and not isinstance(self.scene.cloth, GridCloth):
+            sheet = in_triangles(other.scene.cloth, sheet, self._tears.sheet)
+        if self._tears.sheet.vertices < sheet.vertices:
+            self._tears.become(cloth, sheet)
             cloth.prepare()
         self._tears.released = torn.released
 
