@@ -88,7 +88,7 @@ class MayTear(ABC):
         """Have the cloth be torn as that of another simulation is, where it is, and count those tears as its own.
 
         Args:
-            other: of a cloth of the same triangles, which may be a grid where this is a mesh; it has torn at least where
+            other: of a cloth of the same triangles, maybe a grid where this is a mesh, which has torn at least where
                 this one has.
 
         Raises:
