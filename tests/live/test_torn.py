@@ -8,8 +8,13 @@ import pytest
 from numpy.typing import NDArray
 
 import cape
+from cape.live.changes import Changes
 from cape.live.live import Live
+from cape.live.rig import Rig
+from cape.live.sources import ToldSource
 from cape.results.take import Take
+from cape.run.tearing.tears import Tears
+from tests.live.rigs import Later, at_once
 
 FPS = 60.0
 SHEET = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.1)
@@ -170,6 +175,29 @@ def test_what_tears_while_a_change_is_made_ready_is_torn_in_what_goes_on():
     assert take.tears == twice.tears
     assert take.topologies[-1].is_as(replace(twice.topologies[-1], frame=take.topologies[-1].frame))
     assert speeds(take, LED, ENDED).max() < 3.0
+
+
+@pytest.mark.parametrize("solver", [cape.SymplecticEuler(), cape.XPBD()], ids=["grid", "mesh"])
+def test_what_has_torn_is_torn_beside_the_run_and_knows_of_it_where_it_touches_itself(
+    solver: cape.Solver, monkeypatch: pytest.MonkeyPatch
+):
+    rod, builder = {"rod": (np.zeros(3), (1.0, 0.0, 0.0, 0.0))}, Later()
+    rig = Rig(SCENE, ToldSource(lambda _: rod, SCENE.bones), solver, threads=1)
+    rig.start()
+    changes = Changes(rig, builder, at_once)
+    changes.tear()
+    changes.set_fabric("denim")
+    builder.work()
+
+    def become(*_: object) -> None:
+        raise AssertionError("a frame waits for what could have been made ready")
+
+    monkeypatch.setattr(Tears, "become", become)
+    assert builder.hand_over() == ["fabric denim"]
+    assembly = rig.simulation.assembly
+    assert assembly.layers is not None
+    known = {tuple(sorted(corners)) for corners in assembly.layers.patches.triangles.T.tolist()}
+    assert known == {tuple(sorted(corners)) for corners in assembly.cloth.triangles.tolist()}
 
 
 def test_what_is_put_on_anew_is_whole_and_in_no_hand():

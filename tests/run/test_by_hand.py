@@ -5,6 +5,7 @@ import pytest
 
 import cape
 from cape.assembly.stability import Ground, largest_frequency
+from cape.kernels.implicit.stiffness import add_pull_blocks
 from cape.kernels.solve.soft import aim_pull, draw_vertices, pull_vertices
 from cape.solvers.base import GRIP
 from motions.errors import ValueRangeError
@@ -34,6 +35,7 @@ def test_a_hand_gives_way_by_the_weight_over_its_stiffness(solver: str):
     # What threads even out between neighbours is left out by the sum: forces between vertices are none in all.
     off = (before - simulation.positions)[:, 2]
     assert off.sum() * GRIP == pytest.approx(simulation.mass * 9.81, rel=0.01)
+    assert simulation.unconverged == simulation.troubled == simulation.retried == 0
 
 
 def test_symplectic_euler_holds_as_firmly_as_its_step_has_room_for():
@@ -63,9 +65,16 @@ def test_symplectic_euler_holds_as_firmly_as_its_step_has_room_for():
 
 def test_hands_that_hold_nothing_change_nothing_and_none_compile_nothing():
     many, none = started(HELD, hands=16), started(HELD)
-    asked = [{request.function for request in cape.Simulation(HELD, hands=n).requests(ROD)} for n in (1, 0)]
-    assert asked[0] - asked[1] == {aim_pull, pull_vertices}
-    assert not asked[1] & {aim_pull, pull_vertices, draw_vertices}
+    for name, own in (
+        ("euler", {pull_vertices}),
+        ("xpbd", {draw_vertices}),
+        ("tr_bdf2", {pull_vertices, add_pull_blocks}),
+    ):
+        solver = cape.solver(name)
+        runs = (cape.Simulation(HELD, solver=solver, hands=n) for n in (1, 0))
+        asked = [{request.function for request in run.requests(ROD)} for run in runs]
+        assert asked[0] - asked[1] == {aim_pull, *own}
+        assert not asked[1] & {aim_pull, pull_vertices, draw_vertices, add_pull_blocks}
     assert none.assembly.hands is None
     for _ in range(20):
         many.step(ROD, FRAME)
