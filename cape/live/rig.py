@@ -120,6 +120,8 @@ class Rig:
             self.simulation.lead(hand, self.hands.place(name))
         self.simulation.step(self.pose_for(self.scene), dt)
         self.time += dt
+        for name in [name for name, hand in self._in_hand.items() if self.simulation.in_hand[hand] < 0]:
+            self.let_go(name)  # of what was put on anew where bones have jumped
         if self.simulation.tears != self._tears and self.wind is not None:
             self._tears = self.simulation.tears
             self.simulation.turn_wind(self.wind)  # what was assembled anew has that of the scene

@@ -114,7 +114,7 @@ class SymplecticEuler(Solver):
         """As firm and as damped as the margin of the step leaves room for, without steps any shorter.
 
         Where w^2 h^2 + 2 c h = 4 at the largest step (`stability.stable_step`), a share of it takes up no more than
-        that share of 4: half of the rest is for the spring of a hand, half for its damper.
+        that share of 4: half of the rest is for the spring of a hand, half for its damper. A margin of 1 leaves none.
         """
         stiffness, damping = super().grip(running, mass)
         room, step = 2.0 * (1.0 - self.margin) * mass, self.margin * running.arrays.stable_step

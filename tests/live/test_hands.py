@@ -6,6 +6,7 @@ import pytest
 import cape
 from cape.live.holds import corners
 from cape.live.rig import HANDS, Rig
+from cape.live.sources import ToldSource
 from motions.errors import ValueRangeError
 from tests.live.rigs import advance, swinging
 
@@ -146,3 +147,22 @@ def test_a_cloth_that_bones_hold_all_over_can_not_be_taken():
     other.start()
     with pytest.raises(ValueRangeError, match="all of the cloth"):
         other.take_hold(3)
+
+
+def test_a_cloth_that_is_put_on_anew_as_bones_jump_is_in_no_hand():
+    sheet = cape.Cloth.rectangle(width=0.4, height=0.4, spacing=0.1)
+    scene = cape.Scene(sheet, [cape.attach(sheet, "rod", "top")])
+    place = [0.0]
+    told = ToldSource(lambda _: {"rod": (np.array([place[0], 0.0, 0.0]), (1.0, 0.0, 0.0, 0.0))}, scene.bones)
+    rig = Rig(scene, told, cape.SymplecticEuler(), threads=1)
+    rig.simulation.cuts = cape.Cuts(then="reset")
+    rig.start()
+    rig.take_hold(12)
+    advance(rig, 2)
+    assert rig.in_hand
+    place[0] = 50.0
+    advance(rig, 2)
+    assert rig.simulation.renewed == 1
+    assert not rig.in_hand
+    assert held(rig) == set()
+    np.testing.assert_allclose(rig.simulation.positions[:, 0], 50.0, atol=0.1)
