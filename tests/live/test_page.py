@@ -250,6 +250,42 @@ def test_a_page_shows_how_the_run_goes_and_what_its_keys_have_changed():
             assert told(lambda updates: "paused" in str(updates.get("_markdown", "")))
 
 
+def test_a_vertex_that_a_tear_has_made_is_dragged_on_the_page():
+    """Through its own process: it follows the pointer, as the recording tells, and the tears stay."""
+    pytest.importorskip("viser", reason="pip install 'cape[live]'")
+    cloth = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.1)
+    scene = cape.Scene(cloth, [cape.attach(cloth, "rod", "top")], tearing=cape.Tearing(strain=0.6))
+    rod = {"rod": (np.zeros(3), (1.0, 0.0, 0.0, 0.0))}
+    with cape.Live(scene, lambda _: rod, viewer="page", keep=True) as run:
+        assert run.page is not None
+        run.changes.tear()
+        until(lambda: len(run.positions) > cloth.vertices)
+        born = len(run.positions) - 1
+        # Off its twin: where both are in one place either of them may be taken.
+        run.changes.take_hold(born)
+        run.changes.reach(born, run.positions[born] + np.array([0.1, 0.0, 0.0]))
+        until(lambda: run.positions[born, 0] > 0.08)
+        run.changes.let_go(born)
+        place = run.positions[born]
+        goal = place + np.array([0.1, 0.0, 0.05])
+        with sending(run.page) as send:
+            drag: dict[str, Any] = {
+                "type": "SceneNodeDragMessage", "name": "/cape", "instance_index": None, "button": "left",
+                "modifier": None, "owner": "", "start_position": place.tolist(), "start_screen_pos": [0.5, 0.5],
+                "end_screen_pos": [0.5, 0.5],
+            }  # fmt: skip
+            send(**drag, phase="start", end_position=place.tolist())
+            until(lambda: f"vertex {born} in the hand" in run.status.message)
+            send(**drag, phase="update", end_position=goal.tolist())
+            until(lambda: np.linalg.norm(run.positions[born] - goal) < 0.02)
+            assert np.linalg.norm(run.positions[born] - goal) < 0.02
+            send(**drag, phase="end", end_position=place.tolist())
+            until(lambda: f"vertex {born} let go" in run.status.message)
+            assert f"vertex {born} let go" in run.status.message
+    assert run.take().tears > 0
+    assert len(run.take().topologies) == 2
+
+
 @contextmanager
 def watched(url: str) -> Iterator[Callable[[Callable[[dict[str, Any]], object]], bool]]:
     """A connection to a page; gives what tells whether updates of its controls come that are so, within a while."""
@@ -287,13 +323,19 @@ def until(done: Callable[[], bool]) -> None:
 @contextmanager
 def connected(server: Any) -> Iterator[Callable[..., None]]:
     """A connection as a browser has one; gives what tells something there."""
+    with sending(f"http://{LOOPBACK}:{server.get_port()}") as send:
+        yield send
+
+
+@contextmanager
+def sending(page: str) -> Iterator[Callable[..., None]]:
+    """The same at a page's address."""
     import msgspec
     import viser
     from websockets.sync.client import connect
 
     protocol: Any = f"viser-v{viser.__version__}"
-    url = f"ws://{LOOPBACK}:{server.get_port()}"
-    with connect(url, subprotocols=[protocol], max_size=None, compression=None) as there:
+    with connect(page.replace("http", "ws"), subprotocols=[protocol], max_size=None, compression=None) as there:
 
         def send(**message: Any) -> None:
             there.send(msgspec.msgpack.encode(message))
