@@ -277,7 +277,7 @@ def test_a_vertex_that_a_tear_has_made_is_dragged_on_the_page():
             send(**drag, phase="start", end_position=place.tolist())
             until(lambda: f"vertex {born} in the hand" in run.status.message)
             send(**drag, phase="update", end_position=goal.tolist())
-            until(lambda: np.linalg.norm(run.positions[born] - goal) < 0.02)
+            until(lambda: bool(np.linalg.norm(run.positions[born] - goal) < 0.02))
             assert np.linalg.norm(run.positions[born] - goal) < 0.02
             send(**drag, phase="end", end_position=place.tolist())
             until(lambda: f"vertex {born} let go" in run.status.message)
