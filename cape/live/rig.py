@@ -192,8 +192,8 @@ class Rig:
         return Built(simulation, pose, anew)
 
     def keep_ready(self, built: Built) -> None:
-        """Have what was built for this scene stand by, in case its solver is wanted."""
-        if built.simulation.scene is self.simulation.scene:
+        """Have what was built for this scene stand by, in case its solver is wanted; not what has torn."""
+        if built.simulation.scene is self.simulation.scene and not built.simulation.tears:
             self._ready[_method(built.simulation.solver)] = built
 
     def ready(self, solver: Solver) -> Built | None:

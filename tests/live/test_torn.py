@@ -14,7 +14,8 @@ from cape.live.rig import Rig
 from cape.live.sources import ToldSource
 from cape.results.take import Take
 from cape.run.tearing.tears import Tears
-from tests.live.rigs import Later, at_once
+from motions.errors import ValueRangeError
+from tests.live.rigs import Later, advance, at_once
 
 FPS = 60.0
 SHEET = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.1)
@@ -175,6 +176,24 @@ def test_what_tears_while_a_change_is_made_ready_is_torn_in_what_goes_on():
     assert take.tears == twice.tears
     assert take.topologies[-1].is_as(replace(twice.topologies[-1], frame=take.topologies[-1].frame))
     assert speeds(take, LED, ENDED).max() < 3.0
+
+
+def test_what_is_put_on_anew_meanwhile_is_not_taken_over_as_it_was_torn():
+    """As where bones jump: the cloth that was made ready is given up, and the run goes on with its own."""
+    rod, builder = {"rod": (np.zeros(3), (1.0, 0.0, 0.0, 0.0))}, Later()
+    rig = Rig(SCENE, ToldSource(lambda _: rod, SCENE.bones), cape.SymplecticEuler(), threads=1)
+    rig.start()
+    changes = Changes(rig, builder, at_once)
+    changes.tear()
+    changes.set_fabric("denim")
+    builder.work()
+    rig.simulation.start(rod)
+    with pytest.raises(ValueRangeError, match="torn otherwise"):
+        builder.hand_over()
+    assert not changes.pending
+    advance(rig, 2)
+    assert rig.scene is SCENE
+    assert rig.topology is None
 
 
 @pytest.mark.parametrize("solver", [cape.SymplecticEuler(), cape.XPBD()], ids=["grid", "mesh"])

@@ -34,6 +34,7 @@ class MayTear(ABC):
         self.substeps = 0
         self._cloth: Hanging | None = None
         self._tears: Tears | None = None
+        self._torn_as: Tears | None = None  # the tears of another one, that these go on from
 
     @property
     def _started(self) -> Hanging:
@@ -92,9 +93,12 @@ class MayTear(ABC):
                 this one has.
 
         Raises:
-            ValueRangeError: one of them has not been started, this one may not tear, or the triangles are others.
+            ValueRangeError: one of them has not been started, this one may not tear, or has torn otherwise, or the
+                triangles are others.
         """
         cloth, torn = self._started, other._tears
+        if self.tears and torn is not self._torn_as:
+            raise ValueRangeError("a cloth that has torn can't go on as one that has torn otherwise, or is whole")
         if torn is None or not other.tears:
             return
         if self._tears is None or len(self._tears.triangles) != len(torn.triangles):
@@ -105,7 +109,7 @@ class MayTear(ABC):
         if self._tears.sheet.vertices < sheet.vertices:
             self._tears.become(cloth, sheet)
             cloth.prepare()
-        self._tears.released = torn.released
+        self._tears.released, self._torn_as = torn.released, torn
 
     def own_substeps(self, dt: float) -> int:
         """Steps in `dt` [s] that the solver would choose, whatever was asked for.
