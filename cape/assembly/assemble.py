@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.contact import Contacts, contacts_of, for_another_thread
+from cape.assembly.fabrics import patchwork_of
 from cape.assembly.holding import attached_of, by_kind, confined_of, pull_of, rails_of, tethers_of, ties_of
 from cape.assembly.springs import Springs, springs_of
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth
@@ -56,6 +57,7 @@ class Assembly:
         rails: curves along which vertices slide, in the same way; None for nothing.
         confined: what may not get far from where bones would carry it; None for nothing.
         tethers: from what bones hold hard to all that hangs on it; None for none.
+        hands: that may take hold of vertices as the cloth moves, in place; None for none.
         wind: velocity of the air [m/s], shape (3,), in place: it changes while the cloth is put on. 0 in a stream.
         stream: of a wind that is not everywhere and always alike, from frame to frame; None for one that is.
         ranks: for each thread of a run.
@@ -74,6 +76,7 @@ class Assembly:
     rails: Rails | None
     confined: Confined | None
     tethers: Tethers | None
+    hands: Pull | None
     wind: FloatArray
     stream: Stream | None
     ranks: tuple[Rank, ...]
@@ -87,6 +90,15 @@ class Assembly:
     def carried(self) -> tuple[Attached, ...]:
         """All that bones carry along: what they hold hard, what springs hold, what slides."""
         return tuple(attached for attached in self._by_kind if attached is not None)
+
+    @property
+    def pulls(self) -> tuple[Pull, ...]:
+        """All springs that hold vertices: those of bones, and those of hands."""
+        return tuple(pull for pull in (self.pull, self.hands) if pull is not None)
+
+    def place_of(self, vertex: int) -> int:
+        """The number here of a vertex that is numbered as the scene's, or behind those as one that has split off."""
+        return vertex if self.order is None else int(np.flatnonzero(self.order == vertex)[0])
 
     @property
     def _by_kind(self) -> tuple[Attached | None, Attached | None, Attached | None]:
@@ -156,13 +168,15 @@ def assemble(
     spare: bool = False,
     split: SplitGrid | SplitMesh | None = None,
     springs: Springs | None = None,
+    hands: Pull | None = None,
 ) -> Assembly:
     """Build the arrays of a scene whose attachments hold the given vertices, for so many threads.
 
-    A grid that may tear has `spare` vertices, and a mesh that may if they are asked for. One that has been torn is
-    given as it has split, a mesh with its springs.
+    A grid that may tear has `spare` vertices, and a mesh of one fabric that may if they are asked for: of several it is
+    laid out anew whenever it tears, as its pieces have arrays of their own. One that has been torn is
+    given as it has split, a mesh with its springs. `hands` are those that may take hold of it.
     """
-    cloth, order = scene.cloth, None
+    cloth, order, spare = scene.cloth, None, spare and patchwork_of(scene.cloth) is None
     if isinstance(cloth, MeshCloth):
         cloth, order = _in_order(scene, cloth, split, spare=spare)
         rank = np.argsort(order)
@@ -198,6 +212,7 @@ def assemble(
         rails=rails_of(scene, sliding),
         confined=confined_of(scene, cloth, vertices, np.arange(cloth.vertices) if order is None else np.argsort(order)),
         tethers=tethers_of(scene, cloth, springs, attached),
+        hands=hands,
         wind=np.array((0.0, 0.0, 0.0) if stream or scene.wind is None else scene.wind.velocity, dtype=float),
         stream=stream,
         ranks=tuple(

@@ -22,6 +22,7 @@ from cape.scene.scene import Scene
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+NOTHING = -1  # number of the vertex that a hand holds which holds none: no thread of a team has one of that number
 SMOOTH = np.cos(np.radians(30.0))  # cosine of a bend of a curve, above which it is one of many that make it round
 
 Hold = tuple[Attachment, NDArray[np.int64], NDArray[np.int64]]
@@ -76,6 +77,15 @@ def pull_of(scene: Scene, holds: list[Hold], mass: FloatArray) -> Pull | None:
         damping.append(critical if attachment.damping is None else attachment.of(attachment.damping, vertices))
     goals, speeds = (np.zeros((3, len(attached.vertices))) for _ in range(2))
     return Pull(attached, np.concatenate(stiffness), np.concatenate(damping), goals, speeds)
+
+
+def hands_of(scene: Scene, count: int) -> Pull | None:
+    """So many hands in the world, which hold nothing as yet; None for none."""
+    if not count:
+        return None
+    points, lift, drift = np.zeros((3, count, 3))
+    attached = Attached(np.full(count, NOTHING), np.full(count, len(scene.bones)), points, lift, drift)
+    return Pull(attached, *np.zeros((2, count)), *np.zeros((2, 3, count)))
 
 
 def tethers_of(scene: Scene, cloth: Cloth, springs: Springs, attached: Attached | None) -> Tethers | None:

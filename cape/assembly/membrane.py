@@ -119,7 +119,9 @@ class Membrane:
             return 0.5 * float(self.area @ np.einsum(sums, strains, self.stiffness, self.smoothed(strains)))
         part, place = self.among(triangles)
         strains = part.strains(positions)
-        tension = part.smoothed(strains)[place] @ part.stiffness
+        stiffness = part.stiffness if part.stiffness.ndim == 2 else part.stiffness[place]
+        sums = "tc,cd->td" if stiffness.ndim == 2 else "tc,tcd->td"
+        tension = np.einsum(sums, part.smoothed(strains)[place], stiffness)
         return 0.5 * float(part.area[place] @ (strains[place] * tension).sum(axis=1))
 
     def among(self, triangles: IntArray) -> tuple["Membrane", IntArray]:

@@ -40,7 +40,10 @@ class SplitMesh(MeshCloth):
         follow = np.argsort(np.argsort(order)[mesh.faces].min(axis=1), kind="stable")
         kept = {each.name: getattr(whole, each.name) for each in fields(MeshCloth)}
         layers = 1.0 if whole.layers is None else whole.layers
-        weights = np.repeat(areas(whole.corners) * layers * whole.fabric.density / 3.0, 3)
+        density = whole.fabric.density
+        if whole.patchwork is not None:
+            density = whole.patchwork.of_triangles(lambda fabric: fabric.density)
+        weights = np.repeat(areas(whole.corners) * layers * density / 3.0, 3)
         parents = np.arange(whole.vertices)
         split = SplitMesh(**kept, whole=whole, order=order, follow=follow, parents=parents, weights=weights)
         return split.with_spare(spare)

@@ -62,6 +62,11 @@ class Force(ABC):
     def acts(scene: Scene) -> bool:
         """Tell whether a scene has the force."""
 
+    @classmethod
+    def is_in(cls, assembly: Assembly) -> bool:
+        """Tell whether an assembled cloth has the force: where its scene does, for most."""
+        return cls.acts(assembly.scene)
+
     @staticmethod
     @abstractmethod
     def arrays(assembly: Assembly, dtype: type[np.floating]) -> Any:

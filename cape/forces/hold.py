@@ -1,4 +1,4 @@
-"""Springs by which bones hold vertices softly."""
+"""Springs by which bones, or hands, hold vertices softly."""
 
 from typing import ClassVar, Literal
 
@@ -42,3 +42,31 @@ class Hold(Force):
             return 0.0
         away = positions[pull.attached.vertices].T - pull.goals
         return 0.5 * float(pull.stiffness @ np.sum(away**2, axis=0))
+
+
+class Hands(Force):
+    """A spring and a damper between a vertex and the hand that holds it; see `cape.run.by_hand`."""
+
+    name: ClassVar[str] = "hands"
+    account: ClassVar[Literal["elastic", "air", "hold"]] = "hold"
+
+    @staticmethod
+    def acts(scene: Scene) -> bool:
+        """Nowhere: no scene tells of hands, which come and go as it runs."""
+        return False
+
+    @classmethod
+    def is_in(cls, assembly: Assembly) -> bool:
+        """Tell whether hands may take hold."""
+        return assembly.hands is not None
+
+    @staticmethod
+    def arrays(assembly: Assembly, dtype: type[np.floating]) -> Pull:
+        """The springs, with their goals as the hands move them."""
+        assert assembly.hands is not None
+        return assembly.hands
+
+    @staticmethod
+    def uses(acting: Acting, arrays: Pull) -> list[Use]:
+        """That of any soft hold."""
+        return Hold.uses(acting, arrays)

@@ -12,7 +12,7 @@ from cape.cloth.fabric import Fabric
 from cape.cloth.fabrics import FABRICS
 from cape.cloth.fabrics import fabric as fabric_named
 from cape.live.builder import Builder
-from cape.live.holds import corners, let_go, rim, tear_path
+from cape.live.holds import corners, rim, tear_path
 from cape.live.rig import PIN, Built, Rig
 from cape.outfits.combined import of_fabric
 from cape.scene.scene import Scene
@@ -24,7 +24,7 @@ from motions.errors import UnknownNameError, UserError, ValueRangeError
 
 Change = Callable[[], str | None]
 
-SCENE, SOLVER, READY = "scene", "solver", "what may be needed"
+SCENE, READY = "scene", "what may be needed"
 BREEZE = (-3.0, 0.0, 0.0)  # m/s, of a wind that is turned on where there was none
 SHARES = (0.5, 0.7, 0.3, 0.6, 0.4, 0.8, 0.2)  # of the hem, where tears begin, one after the other
 
@@ -49,7 +49,7 @@ class Changes:
         self._untold: list[tuple[int, str | Callable[[], str]]] = []
         self._calm = rig.scene.wind
         self._tears = 0
-        self._led: dict[int, tuple[str, bool]] = {}  # by what, and whether it holds for this alone
+        self._led: dict[int, str] = {}  # what leads each vertex that was taken in the hand
 
     # -- wind --
 
@@ -118,29 +118,17 @@ class Changes:
     def use(self, solver: Solver, told: str, *, must: bool = True) -> None:
         """Go on with a solver once a cloth stands ready for it; on the thread of the physics.
 
-        Where it can't be used, that is told if it `must`.
+        Where a grid would have to go on as a mesh, from which it does not come back, that is done if it `must`.
         """
 
         def change() -> str | None:
-            try:
-                self._rig.require_may_use(solver)
-            except ValueRangeError:
-                if must:
-                    raise
-                return None
-            return self._go_on_with(solver, told)
+            return self._go_on_with(solver, told) if must or self._rig.steps(solver) else None
 
         self._do(change)
 
     def _go_on_with(self, solver: Solver, told: str) -> str | None:
         rig = self._rig
         ready = rig.ready(solver)
-        if rig.simulation.tears:  # what has torn is laid out nowhere else
-            scene, pose = rig.scene, rig.pose_for(rig.scene)
-            self._builder.ask(
-                SOLVER, lambda: rig.compile(scene, solver, pose), lambda _: self._change_in_place(solver, told)
-            )
-            return None
         if not self.pending and ready is not None:
             rig.take_over(ready, solver)
             self._coming = solver
@@ -214,13 +202,8 @@ class Changes:
         """
 
         def take_hold() -> str | None:
-            before = self._wanted
-            scene, name = self._rig.with_hand(before, vertex)
-            taken = scene is not before
-            self._led[vertex] = name, taken or self._led.get(vertex, ("", False))[1]
-            if taken:
-                self._ask(scene, f"{name.removeprefix(PIN)} pinned")
-            return None
+            name = self._led[vertex] = self._rig.take_hold(vertex)
+            return f"{name.removeprefix(PIN)} in the hand"
 
         self._do(take_hold)
 
@@ -228,7 +211,7 @@ class Changes:
         """Have a vertex that is pinned go to a place in the world [m], as fast as a hand."""
 
         def reach() -> str | None:
-            name, _ = self._led.get(vertex, (f"{PIN}vertex {vertex}", False))
+            name = self._led.get(vertex, f"{PIN}vertex {vertex}")
             # One that was let go meanwhile is not led anywhere.
             with suppress(KeyError):
                 self._rig.hands.reach(name, place)
@@ -240,11 +223,8 @@ class Changes:
         """Let go of what `take_hold` has taken; nothing where it was not, or not by a hand."""
 
         def release() -> str | None:
-            name, taken = self._led.pop(vertex, ("", False))
-            scene = let_go(self._wanted, self._rig.pins[name]) if taken else None
-            if scene is not None:
-                self._ask(scene, f"{name.removeprefix(PIN)} let go")
-            return None
+            name = self._led.pop(vertex, "")
+            return f"{name.removeprefix(PIN)} let go" if self._rig.let_go(name) else None
 
         self._do(release)
 
@@ -292,6 +272,16 @@ class Changes:
         return next((n for n, f in FABRICS.items() if f == cloth.fabric and patchwork_of(cloth) is None), "")
 
     @property
+    def coming(self) -> Solver:
+        """The solver that it goes on with, now or once that stands ready."""
+        return self._coming
+
+    @property
+    def self_contact(self) -> bool:
+        """Whether the cloth touches itself, now or once that stands ready."""
+        return self._wanted.self_contact is not None
+
+    @property
     def corners(self) -> tuple[str, ...]:
         """Names of what can be pinned."""
         return tuple(corners(self._rig.first.cloth))
@@ -321,8 +311,6 @@ class Changes:
         `told`, or what it gives, is told once it is gone on with.
         """
         rig = self._rig
-        if rig.simulation.tears and not anew:
-            raise ValueRangeError("a cloth that has torn stays as it is, until it is put on anew")
         solver = self._coming if solver is None else solver
         self._asked = number = self._asked + 1
         self._wanted, self._coming, self._anew = scene, solver, anew or self._anew

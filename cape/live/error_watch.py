@@ -37,6 +37,8 @@ class ErrorWatch:
     Where a method is of first order, as many steps are twice as far off as the two are from each other (L. F.
     Richardson, "The approximate arithmetical solution by finite differences", Phil. Trans. A 210 (1911)).
 
+    There is none while a hand holds the cloth, or once it has torn.
+
     Attributes:
         rms: root mean square over the vertices, after a tenth of a second [m]; not a number where it is not known.
     """
@@ -54,7 +56,7 @@ class ErrorWatch:
         """Take a frame of `dt` [s] that has been stepped."""
         simulation = self._rig.simulation
         self._frame += 1
-        if simulation is not self._simulation or simulation.tears:
+        if simulation is not self._simulation or simulation.tears or self._rig.in_hand:
             self._simulation, self._begin, self.rms = simulation, None, float("nan")
             return
         if self._begin is not None:

@@ -11,6 +11,7 @@ from typing import Literal, Self
 
 import numpy as np
 
+from cape.air.wind import Wind
 from cape.live.builder import Builder
 from cape.live.changes import Changes
 from cape.live.error_watch import ErrorWatch
@@ -19,7 +20,7 @@ from cape.live.feed.viewers import require_viewing
 from cape.live.keeping import Keeper
 from cape.live.pace.pacing import Pacer, Step
 from cape.live.pace.savings import Savings
-from cape.live.page.orders import beginning_of, obey
+from cape.live.page.orders import beginning_of, obey, state_of
 from cape.live.rig import Rig
 from cape.live.sources import Dressed, Source, Told, ToldSource, TrackSource
 from cape.live.status import Status
@@ -264,6 +265,16 @@ class Live:
         self._speed = min(max(speed, 1.0 / 16.0), 1.0)
 
     @property
+    def paused(self) -> bool:
+        """Whether it is to stand still."""
+        return self._paused
+
+    @property
+    def wind(self) -> Wind | None:
+        """What blows, None where there is no air."""
+        return self._rig.wind
+
+    @property
     def speed(self) -> float:
         """The share of real time at which it is to run."""
         return self._speed
@@ -323,6 +334,8 @@ class Live:
         self._rig.step(self._speed / self.fps)
         self._frame += 1
         if self._screen is not None:
+            if self._frame % TOLD_EACH == 0:
+                self._tell()
             self._screen.show(self._frame)
         if self._keeper is not None and not self._kept_enough:
             self._keeper.keep()
@@ -362,10 +375,16 @@ class Live:
         """Wait until there is something to do."""
         clock = time.monotonic() - self._begun
         self._status = self._status.but(paused=True, building=self._builder.making, clock=clock)
+        if self._tell() and self._screen is not None:
+            self._screen.show(self._frame)
         self._awake.wait(0.05)
         self._awake.clear()
         self._status = self._status.but(paused=self._paused)
         self._pacer.begin()
+
+    def _tell(self) -> bool:
+        """Have the page know how it goes; tells whether there is anything new to read."""
+        return self._viewing == "page" and self._screen is not None and self._screen.tell(state_of(self))
 
     def _keep_pace(self, step: Step) -> None:
         self._savings.note(step.took, self._pacer.period)

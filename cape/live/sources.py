@@ -224,6 +224,23 @@ class Hands:
             raise KeyError(bone)
         self._goals[bone] = np.asarray(place, dtype=float)
 
+    def place(self, bone: str) -> FloatArray:
+        """Where a bone that was put somewhere is in the world [m], shape (3,).
+
+        Raises:
+            KeyError: there is none of that name.
+        """
+        return self._put[bone]
+
+    def take_away(self, bone: str) -> None:
+        """Have a bone that was put somewhere be no more.
+
+        Raises:
+            KeyError: there is none of that name.
+        """
+        del self._put[bone]
+        self._goals.pop(bone, None)
+
     def take_back(self) -> None:
         """Forget all that was moved; what was put somewhere stays."""
         self._offsets[:] = 0.0

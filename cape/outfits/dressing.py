@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth
-from cape.cloth.fabric import Fabric
 from cape.measure.self_crossings import self_crossings
 from cape.outfits.combined import Outfit, Part, combined, started_at
 from cape.outfits.girding import WAIST, Band, bulges, gathered, hangs_out, upright_box
@@ -73,8 +72,6 @@ def dress_in(body: "Skeleton", track: BoneTrack, garments: Sequence[str], **opti
     skin = options.pop("colliders", None) or body.capsules()
     fabrics = fabric_of_each(options.pop("fabric", None), garments)
     tearing, limited = options.pop("tearing", None), options.get("strain_limit")
-    if tearing is not None and len({fabric or Fabric() for fabric in fabrics.values()}) > 1:
-        raise ValueRangeError("garments of several fabrics do not tear: have all of one, or leave out tearing")
 
     def cut(level: int, room: float) -> Scene:
         colliders = [solid.grown(room) if isinstance(solid, Bounded) else solid for solid in skin]

@@ -14,6 +14,7 @@ from cape.kernels.bones import Motion
 from cape.kernels.calling import Bound
 from cape.kernels.cloth.measure import whereabouts
 from cape.kernels.solve.journal import Journal
+from cape.kernels.solve.soft import Pull
 from cape.kernels.state import State
 from cape.kernels.store import Request
 from cape.run.strain_limit import StrainLimit, strain_check
@@ -60,8 +61,8 @@ class Hanging:
         ways: what bones carry, and where they hold it in their frames [m] when it is worn, and as it starts.
     """
 
-    def __init__(self, scene: Scene, solver: Solver, pose: Pose, *, threads: int) -> None:
-        """Lay the cloth out on bones at a pose in the world.
+    def __init__(self, scene: Scene, solver: Solver, pose: Pose, *, threads: int, hands: Pull | None = None) -> None:
+        """Lay the cloth out on bones at a pose in the world; `hands` may take hold of it.
 
         Raises:
             ValueRangeError: the cape can't be put on, or a vertex is held twice.
@@ -74,7 +75,7 @@ class Hanging:
         positions = positions - self.origin
         self.held = held = [putting_on.held_by(scene, a, self.pose, positions) for a in scene.attachments]
         require_held_once(held)
-        self.assembly = assemble(scene, held, threads=threads, spare=solver.splits)
+        self.assembly = assemble(scene, held, threads=threads, spare=solver.splits, hands=hands)
         self.holding = np.unique(np.concatenate([np.empty(0, np.int64), *(a.bones for a in self.assembly.carried)]))
         self.state = State.at_rest(self.assembly.inwards(positions), solver.dtype(self.assembly))
         self._begin()

@@ -162,23 +162,31 @@ def requests_of(
     solver: Solver | Auto | None = None,
     threads: int | None = None,
     cull: bool = True,
+    hands: int = 0,
 ) -> list[Request]:
     """The code that `simulate` needs for the same arguments, to be compiled ahead by `kernels.store.prepare`.
+
+    With `hands` also what a live run needs, in which some may take hold of the cloth.
 
     Raises:
         UnknownNameError: the scene uses a bone that the track has not.
         ValueRangeError: the cloth can't be put on.
     """
     in_reach = reach_of(scene, track).cull(scene) if cull and scene.tearing is None else scene
-    simulation = _simulation_of(in_reach, solver, threads, DEFAULT_CUTS, None)
+    simulation = _simulation_of(in_reach, solver, threads, DEFAULT_CUTS, None, hands)
     return simulation.requests(poses_of(track.first(1), simulation.bones)[0], measured=scene)
 
 
 def _simulation_of(
-    scene: Scene, solver: Solver | Auto | None, threads: int | None, cuts: Cuts | None, ledger: Ledger | None
+    scene: Scene,
+    solver: Solver | Auto | None,
+    threads: int | None,
+    cuts: Cuts | None,
+    ledger: Ledger | None,
+    hands: int = 0,
 ) -> Simulation:
     if not isinstance(solver, Auto):
-        return Simulation(scene, solver=solver, threads=threads, cuts=cuts, ledger=ledger)
+        return Simulation(scene, solver=solver, threads=threads, cuts=cuts, ledger=ledger, hands=hands)
     if ledger is not None:
         raise ValueRangeError("a ledger keeps the accounts of one solver: give that, not a tolerance or a budget")
     return AutoSimulation(scene, solver, threads=threads, cuts=cuts)

@@ -16,12 +16,13 @@ from cape.measure.energy import Energy, energy_of
 from cape.measure.ledger import Ledger
 from cape.measure.meter import Meter, Reading
 from cape.run.attempts import SETTLING_FRAME, bring_to_rest, diverged, take_frame
+from cape.run.by_hand.hands import ByHand
 from cape.run.hanging import Hanging
-from cape.run.tearing.simulation import MayTear, tearable
+from cape.run.tearing.simulation import tearable
 from cape.run.tearing.tears import Tears
 from cape.run.whereabouts import Forecast, Mark, Snapshot
 from cape.scene.jumps import Cuts
-from cape.scene.poses import Bones, Pose, read_pose
+from cape.scene.poses import Bones, Pose, read_pose, read_vector
 from cape.scene.scene import Scene
 from cape.solvers import Solver, SymplecticEuler
 from cape.solvers.threads import threads_for
@@ -37,7 +38,7 @@ DEFAULT_CUTS = Cuts()
 
 
 @checked_first
-class Simulation(MayTear):
+class Simulation(ByHand):
     """A running cloth for one's own loop: `start` once with the first pose, then `step` for each new one.
 
     Bones are given as a mapping from each name in `scene.bones` to (position [m], quaternion bone_to_world wxyz), or as
@@ -68,6 +69,7 @@ class Simulation(MayTear):
         threads: int | None = None,
         cuts: Cuts | None = DEFAULT_CUTS,
         ledger: Ledger | None = None,
+        hands: int = 0,
     ) -> None:
         """Hold the scene and the solver; nothing is computed before `start`.
 
@@ -77,14 +79,17 @@ class Simulation(MayTear):
             threads: how many share the cloth, None for as many as pay off; the results are the same.
             cuts: what counts as a jump of the bones, and what becomes of the cloth; None to take all as motion.
             ledger: of this simulation alone, to account for its energy from each start on.
+            hands: how many may take hold of the cloth as it runs, see `take_hold`; none cost nothing.
 
         Raises:
-            ValueRangeError: the number of threads is not positive.
+            ValueRangeError: the number of threads is not positive, or there are hands, whose work no ledger knows.
         """
         if threads is not None:
             require_whole("threads", threads, 1, MOST_THREADS)
-        self.solver = solver or SymplecticEuler()
-        super().__init__(tearable(scene, self.solver))
+        if hands and ledger is not None:
+            raise ValueRangeError("a ledger does not know what hands do: leave out one of them")
+        solver = solver or SymplecticEuler()
+        super().__init__(tearable(scene, solver), solver, hands=hands)
         self.threads = threads or threads_for(scene.cloth.vertices)
         self.substeps = 0
         self.retried = 0
@@ -146,7 +151,7 @@ class Simulation(MayTear):
             ValueRangeError: a pose, velocity or spin isn't finite, the cape can't be put on, or a vertex is held twice.
             Diverged: the cloth explodes while it settles.
         """
-        moving, turning = _vector(velocity, "velocity"), _vector(spin, "spin")
+        moving, turning = read_vector(velocity, "velocity at the start"), read_vector(spin, "spin at the start")
         if settle is not None and not 0.0 <= settle < math.inf:
             raise ValueRangeError(f"settle must be zero or more seconds, not {settle}")
         self.substeps = self.retried = self.refined = self.troubled = self.unconverged = self.jumps = self.renewed = 0
@@ -242,7 +247,6 @@ class Simulation(MayTear):
         if self.ledger is not None:
             raise ValueRangeError("a ledger keeps the accounts of one solver, which can't be changed")
         self._go_on_with(solver)
-        self.solver = solver
 
     def turn_wind(self, wind: Wind) -> None:
         """Have another wind of the same air blow from now on.
@@ -279,7 +283,7 @@ class Simulation(MayTear):
         pose = read_pose(bones, self.bones)
         found: dict[Request, None] = {}
         for solver in self._solvers:
-            cloth = Hanging(self.scene, solver, pose, threads=self.threads)
+            cloth = Hanging(self.scene, solver, pose, threads=self.threads, hands=self._hands)
             if solver is self.solver:
                 self.substeps = cloth.choose_substeps(SETTLING_FRAME)
             found |= dict.fromkeys(cloth.requests(keeps_journal=self.ledger is not None))
@@ -314,7 +318,7 @@ class Simulation(MayTear):
         """
         cloth = self._started
         here = Pose(*cloth.pose).moved(cloth.origin).without_world()
-        shift = _vector(position, "position")
+        shift = read_vector(position, "position")
         there = read_pose(here.turned(np.asarray(rotation_wxyz, dtype=float)).moved(shift), self.bones)
         turn = quaternions.normalize(np.asarray(rotation_wxyz, dtype=float))
         cloth.move(quaternions.to_matrix(turn), shift, there.moved(-cloth.origin))
@@ -360,6 +364,7 @@ class Simulation(MayTear):
         self.unconverged += taken.unconverged
         cloth.pose = pose
         cloth.time += dt
+        self._move_hands(dt)
         if self.ledger is not None and cloth.journal is not None:
             self.ledger.enter(cloth.assembly, State(*before.state), cloth.origin, cloth.journal, dt)
 
@@ -381,8 +386,9 @@ class Simulation(MayTear):
 
         `time` [s] is since the bones left their first pose.
         """
+        self._let_go_of_all()
         self._cloth, self._first_pose = None, pose
-        cloth = Hanging(self.scene, self.solver, pose, threads=self.threads)
+        cloth = Hanging(self.scene, self.solver, pose, threads=self.threads, hands=self._hands)
         cloth.time = time
         bring_to_rest(cloth, settle, np.broadcast_to(moving, 3))
         cloth.set_out(np.broadcast_to(moving, 3), np.broadcast_to(turning, 3))
@@ -418,7 +424,8 @@ class Simulation(MayTear):
         if bones is None:
             cloth = self._started
         else:
-            cloth = Hanging(self.scene, self.solver, read_pose(bones, self.bones), threads=self.threads)
+            pose = read_pose(bones, self.bones)
+            cloth = Hanging(self.scene, self.solver, pose, threads=self.threads, hands=self._hands)
         substeps = cloth.choose_substeps(dt)
         tried = min(substeps, FORECAST_SUBSTEPS)
         seconds = []
@@ -440,10 +447,3 @@ class Simulation(MayTear):
         meter.follow(cloth.assembly)
         pose = cloth.pose if bones is None else read_pose(bones, meter.scene.bones).moved(-cloth.origin)
         return meter.read(cloth.state, pose, origin=cloth.origin)
-
-
-def _vector(values: ArrayLike, name: str) -> FloatArray:
-    vector = np.asarray(values, dtype=float)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise ValueRangeError(f"the {name} at the start must be three finite numbers, not {values}")
-    return vector

@@ -73,8 +73,8 @@ def dress(
         tearing: when the cloth parts; None for never.
 
     Raises:
-        ValueRangeError: a size is out of range, garments can't be worn over each other, those of several fabrics are to
-            tear, or a fabric is given for what is not worn.
+        ValueRangeError: a size is out of range, garments can't be worn over each other, or a fabric is given for
+            what is not worn.
         UnknownNameError: there is no such garment, it has no such region, or the body no such bone; or it has no
             shoulders, upper arms, chest, pelvis or head, as far as the garment needs them, that are known by name.
     """

@@ -135,3 +135,15 @@ def read_pose(bones: Bones, names: Sequence[str]) -> Pose:
         np.concatenate([positions, np.zeros((1, 3))]),
         np.concatenate([quaternions.normalize(rotations), [[1.0, 0.0, 0.0, 0.0]]]),
     )
+
+
+def read_vector(values: ArrayLike, name: str) -> FloatArray:
+    """Check three numbers, and copy them, shape (3,).
+
+    Raises:
+        ValueRangeError: they are other than three, or not finite.
+    """
+    vector = np.array(values, dtype=float)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueRangeError(f"the {name} must be three finite numbers, not {values}")
+    return vector

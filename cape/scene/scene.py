@@ -75,13 +75,11 @@ class Scene:
             UnknownNameError: a collider is of no shape in `skeleton.shapes.SHAPES`.
             ValueRangeError: an attachment is of another cloth, a vertex is attached or confined twice, two colliders
                 share a name or there are too many, a value is out of range, strain is to be limited in a mesh of
-                unknown threads, something goes by what is held and nothing is, or a mesh of several fabrics is to tear
-                or its pieces are sewn together.
+                unknown threads, something goes by what is held and nothing is, or pieces of several fabrics are sewn
+                together.
         """
         if isinstance(self.cloth, MeshCloth) and self.cloth.patchwork is not None:
             self.cloth.patchwork.require(self.cloth.faces, self.cloth.fabric)
-            if self.tearing is not None:
-                raise ValueRangeError("cloth of several fabrics does not tear: have it of one, or leave out tearing")
         for attachment in self.attachments:
             _require_of(self.cloth, attachment)
         require_held_once([a.vertices for a in self.attachments if a.within is None])

@@ -1,5 +1,6 @@
 """What every solver is."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 Precision = Literal["single", "double"]
 
 MOST_ITERATIONS = 1_000_000  # of any kind in a step
+GRIP = 1000.0  # N/m with which a hand holds a vertex: it gives way by a millimetre to a newton
 MOST_SUBSTEPS = 1_000_000  # in a frame, asked for or chosen, which then takes half a minute for a small cloth
 
 
@@ -104,6 +106,10 @@ class Solver(ABC):
     @abstractmethod
     def units(self, thread: Thread, linker: Linker) -> Order:
         """What one thread does in a frame; programs within programs are made by the linker."""
+
+    def grip(self, running: Running, mass: float) -> tuple[float, float]:
+        """Stiffness [N/m] and damping [N s/m] with which a hand holds a vertex of some mass [kg]."""
+        return GRIP, 2.0 * math.sqrt(GRIP * mass)
 
     def follow(self, arrays: Any, assembly: Assembly, changed: "Changed") -> Any:
         """The arrays for a mesh that has split, with what has changed; only those that `splits` follow, in place.

@@ -12,7 +12,7 @@ from cape.assembly.fabrics import patchwork_of
 from cape.assembly.stability import Ground, largest_step
 from cape.cloth.cloth import GridCloth
 from cape.forces.base import Force
-from cape.forces.registry import forces_of
+from cape.forces.registry import forces_in
 from cape.kernels.cloth.grid import GridRoom
 from cape.kernels.linking import Linker
 from cape.kernels.program import Use
@@ -95,7 +95,7 @@ class SymplecticEuler(Solver):
         """Convert the forces and find the largest stable step."""
         dtype = self.dtype(assembly)
         return EulerArrays(
-            forces={force: force.arrays(assembly, dtype) for force in forces_of(assembly.scene)},
+            forces={force: force.arrays(assembly, dtype) for force in forces_in(assembly)},
             inertia=inertia_of(assembly, dtype),
             total=np.zeros((3, assembly.cloth.vertices), dtype=dtype),
             scratch=force_scratch(assembly, dtype),
@@ -109,6 +109,16 @@ class SymplecticEuler(Solver):
             return self.substeps
         arrays: EulerArrays = running.arrays
         return max(1, math.ceil(duration / (self.margin * (arrays.strained_step if strained else arrays.stable_step))))
+
+    def grip(self, running: Running, mass: float) -> tuple[float, float]:
+        """As firm and as damped as the margin of the step leaves room for, without steps any shorter.
+
+        Where w^2 h^2 + 2 c h = 4 at the largest step (`stability.stable_step`), a share of it takes up no more than
+        that share of 4: half of the rest is for the spring of a hand, half for its damper. A margin of 1 leaves none.
+        """
+        stiffness, damping = super().grip(running, mass)
+        room, step = 2.0 * (1.0 - self.margin) * mass, self.margin * running.arrays.stable_step
+        return min(stiffness, room / step**2), min(damping, 0.5 * room / step)
 
     def follow(self, arrays: EulerArrays, assembly: Assembly, changed: "Changed") -> EulerArrays:
         """Take steps as short as a mesh needs that has split, if they were longer."""

@@ -12,7 +12,7 @@ from cape.assembly.assemble import Assembly, force_scratch, inertia_of
 from cape.assembly.contact import Contacts
 from cape.forces.base import Force
 from cape.forces.elastic import Elastic
-from cape.forces.registry import forces_of
+from cape.forces.registry import forces_in
 from cape.kernels.cloth.grid import GridRoom
 from cape.kernels.contact.penalty import Penalty, PenaltyContact, find_touchable, press_colliders
 from cape.kernels.contact.units import note_motion
@@ -139,7 +139,7 @@ class ImplicitSolver(Solver):
     def arrays(self, assembly: Assembly) -> ImplicitArrays:
         """Lay out the matrix and the room for its products."""
         dtype, count = self.dtype(assembly), assembly.cloth.vertices
-        arrays = {force: force.arrays(assembly, dtype) for force in forces_of(assembly.scene)}
+        arrays = {force: force.arrays(assembly, dtype) for force in forces_in(assembly)}
         longest = self.stage / (60.0 * min(self.substeps or SUBSTEPS, SUBSTEPS))
         negligible = WEAK * min(self.forcing, self.forcing_free) / longest**2
         matrix, layout = matrix_of(assembly, arrays[Elastic], INNER, negligible=negligible)

@@ -213,9 +213,7 @@ def matrix_units(
     own = [Use(set_own, matrix)]
     if contact is not None:
         own.append(Use(add_contact_blocks, Blocks(matrix, contact.penalty.blocks)))
-    pull = thread.running.assembly.pull
-    if pull is not None:
-        own.append(Use(add_pull_blocks, PullBlocks(pull, matrix)))
+    own += [Use(add_pull_blocks, PullBlocks(pull, matrix)) for pull in thread.running.assembly.pulls]
     if railing is not None:
         own.append(Use(add_rail_blocks, railing))
     start, invert = Use(start_diagonal, matrix), Use(invert_diagonal, matrix)

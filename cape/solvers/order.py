@@ -132,8 +132,7 @@ def move_bones(thread: Thread) -> list[Use]:
 
 def aim_springs(thread: Thread, at: float) -> list[Use]:
     """Set the goals of springs that hold the cloth to where the bones are, which is at a share of the step."""
-    pull = thread.running.assembly.pull
-    return [] if pull is None else [Use(aim_pull, Aiming(pull, thread.bones, at))]
+    return [Use(aim_pull, Aiming(pull, thread.bones, at)) for pull in thread.running.assembly.pulls]
 
 
 def end_substep(

@@ -15,8 +15,8 @@ from cape.assembly.springs import Springs
 from cape.cloth.cloth import GridCloth
 from cape.forces.base import Force
 from cape.forces.elastic import Elastic, damping_times
-from cape.forces.hold import Hold
-from cape.forces.registry import forces_of
+from cape.forces.hold import Hands, Hold
+from cape.forces.registry import forces_in
 from cape.kernels.calling import Bound
 from cape.kernels.cloth.grid import GridRoom
 from cape.kernels.cloth.membrane import Tension
@@ -116,7 +116,7 @@ class XPBD(Solver):
         """Turn springs into constraints: by family on a grid, by colour on a mesh."""
         dtype, cloth, pieces = self.dtype(assembly), assembly.cloth, []
         damping, bend_damping = damping_times(cloth.fabric, assembly.springs)
-        others = [force for force in forces_of(assembly.scene) if force not in (Elastic, Hold)]
+        others = [force for force in forces_in(assembly) if force not in (Elastic, Hold, Hands)]
         if isinstance(cloth, GridCloth):
             constraints = self._grid(assembly, cloth, dtype)
         else:
@@ -192,9 +192,8 @@ class XPBD(Solver):
         if assembly.attached is not None:
             uses.append(Use(aim_attached, Held(running.state, assembly.attached, thread.bones)))
         uses += [*wait(thread), *solve, *wait(thread)]
-        if assembly.pull is not None:
-            # After the springs, whose load it then bears at rest without having seen a vertex yield.
-            uses.append(Use(draw_vertices, Drawn(running.state, assembly.pull, arrays.inertia)))
+        # After the springs, whose load these then bear at rest without having seen a vertex yield.
+        uses += [Use(draw_vertices, Drawn(running.state, pull, arrays.inertia)) for pull in assembly.pulls]
         uses += [Use(drift_all, running.state), *end_substep(thread, linker)]
         return Order(begin=[*begin_frame(thread), *prepare], substep=[*uses, *wait(thread)])
 

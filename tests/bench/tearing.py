@@ -1,14 +1,14 @@
 """What frames cost in which a cloth tears, and those after, against the same frames of the same cloth untorn.
 
-    python -m tests.bench.tearing [--rounds 5] [--spacing 0.03] [--solver euler]
+    python -m tests.bench.tearing [--rounds 5] [--spacing 0.03] [--solver euler] [--layout mesh]
 
-The scene `torn`, as a grid, as a mesh of the same cells, as one of triangles without order, whose membrane resists, and
-with contact of the cloth with itself. Runs that tear and
-runs that do not take turns; every frame counts at its fastest, in CPU time. Frames are compared one by one with those
-of a cloth that may tear but bears all: the ball falls on it as fast, and through it. `tearing` are the frames in which
-edges part, `after` the rest once the first has. A torn cloth whips about, as an untorn one does when the ball is past
-it, and then its layers are looked for more often: `parting` is what frames that tear take against what they would
-without all that looks for tears and follows them.
+The scene `torn`, as a grid, as a mesh of the same cells, as one of triangles without order, whose membrane resists,
+with contact of the cloth with itself, and with another cloth aside, of the same fabric or of another. Runs that tear
+and runs that do not take turns; every frame counts at its fastest, in CPU time. Frames are compared one by one with
+those of a cloth that may tear but bears all: the ball falls on it as fast, and through it. `tearing` are the frames
+in which edges part, `after` the rest once the first has. A torn cloth whips about, as an untorn one does when the
+ball is past it, and then its layers are looked for more often: `parting` is what frames that tear take against what
+they would without all that looks for tears and follows them.
 """
 
 import argparse
@@ -29,8 +29,10 @@ from cape.scene.standard_scenes import StandardScene
 from cape.scene.tearing_scenes import torn
 from cape.solvers import SOLVERS
 from tests.support.scenes import irregular
+from tests.tearing.to_tear import with_another_aside
 
 BEARS_ALL = 1e6  # strain
+LAYOUTS = ("grid", "mesh", "irregular mesh", "self-contact", "outfit", "several fabrics")
 FRAME = 1.0 / 60.0  # s
 
 
@@ -42,6 +44,9 @@ def scene_of(layout: str, spacing: float, *, tears: bool) -> StandardScene:
         assert isinstance(scene.cloth, cape.GridCloth)
         regular = layout == "mesh"
         scene = replace(scene, cloth=as_mesh(scene.cloth) if regular else irregular(scene.cloth, default_rng(0)))
+    if layout in ("outfit", "several fabrics"):
+        fabric = replace(scene.cloth.fabric, damping_time=1e-4) if layout == "several fabrics" else None
+        scene = with_another_aside(scene, fabric)
     layers = cape.SelfContact() if layout == "self-contact" else None
     return replace(standard, scene=replace(scene, self_contact=layers))
 
@@ -88,6 +93,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--spacing", type=float, default=0.03)
     parser.add_argument("--solver", default="euler", choices=SOLVERS)
+    parser.add_argument("--layout", choices=LAYOUTS, help="all, unless told")
     given = parser.parse_args()
     solver = SOLVERS[given.solver]()
     print(
@@ -95,7 +101,7 @@ def main() -> None:
         "after: median | worst |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|")
-    for layout in ("grid", "mesh", "irregular mesh", "self-contact"):
+    for layout in LAYOUTS if given.layout is None else [given.layout]:
         both = [scene_of(layout, given.spacing, tears=tears) for tears in (False, True)]
         for each in both:
             run(each, solver)

@@ -11,9 +11,13 @@ from pathlib import Path
 import pytest
 
 from cape.cli.character import read_character
-from cape.cli.commands.warm_up import _usual_requests
+from cape.cli.commands.replay import Cut
+from cape.cli.commands.warm_up import COARSE, _requests, _usual_requests
 from cape.cli.reading import Reading
 from cape.kernels import store
+from cape.live.rig import Rig
+from cape.live.sources import TrackSource
+from cape.solvers import SOLVERS
 from tests.commands.test_cli import cape
 
 BOX = """\
@@ -109,6 +113,15 @@ def test_after_a_warm_up_a_replay_compiles_nothing(kept, tmp_path, forks):
         "compiled 1 piece in TIME",
     ]
     assert one.exists()
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_what_a_live_run_asks_for_is_warmed_up_with_all(name: str):
+    """Hands among it, which may take hold of the cape there."""
+    who = read_character(Reading("walk", end=0.1))
+    scene = Cut(spacing=COARSE).scene(who)
+    rig = Rig(scene, TrackSource(who.track), SOLVERS[name](), threads=1)
+    assert set(rig.simulation.requests(rig.pose_for(scene))) <= set(_requests(scene, who, SOLVERS[name]()))
 
 
 @pytest.mark.extra

@@ -222,6 +222,16 @@ def test_mistakes_are_told_in_a_line(tmp_path: Path, forks: Forks):
         assert text in mistake_told(forks("live", *arguments, folder=tmp_path))[1]
 
 
+def test_it_warns_of_who_may_look_on_where_anything_listens_and_only_there(tmp_path: Path, forks: Forks):
+    told = []
+    for seen in ("--no-viewer", "--web"):
+        arguments = ("--scene", "sheet", "--spacing", "0.2", "--seconds", "0.1", "--bind", "0.0.0.0", seen)
+        done = forks("live", *arguments, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+        told.append("listening on 0.0.0.0" in done.stderr)
+    assert told == [False, True]
+
+
 def test_without_a_display_it_says_so_and_how_else(tmp_path: Path):
     """The viewer itself finds out, before or after it listens; what was recorded by then is written."""
     kept = {name: value for name, value in os.environ.items() if "DISPLAY" not in name}

@@ -195,7 +195,9 @@ def test_it_tears_by_hand_and_is_put_on_anew():
         torn = run.status.frame
         until(lambda: run.status.frame >= torn + 5, run)
         run.changes.set_fabric("denim")
-        until(lambda: "stays as it is" in run.status.message, run)
+        until(lambda: "fabric denim" in run.status.message, run)
+        changed = run.status.frame
+        until(lambda: run.status.frame >= changed + 5, run)
         run.changes.reset()
         until(lambda: run.status.message == "put on anew", run)
         whole = run.status.frame
@@ -204,6 +206,7 @@ def test_it_tears_by_hand_and_is_put_on_anew():
     assert take.tears > 0
     assert take.positions.shape[1] > SHEET.vertices
     assert [len(t.parents) for t in take.topologies][-1] == SHEET.vertices
+    assert len(take.topologies) == 3
 
 
 def test_mistakes_are_told_and_the_run_goes_on():

@@ -14,7 +14,7 @@ import pytest
 import cape
 from cape.live.feed.mailbox import LiveFrame
 from cape.live.feed.viewers import LOOPBACK, free_port
-from cape.live.page.controls import OWN, add_controls
+from cape.live.page.controls import OWN, QUIET, add_controls
 from cape.live.page.grips import REMEMBERED, Grips
 from cape.live.page.orders import beginning_of
 from cape.record.moments import Shown
@@ -190,6 +190,129 @@ def test_what_is_chosen_on_the_page_is_asked_for():
     ]  # fmt: skip
 
 
+STATE = {
+    "wind": [1.0, -2.0, 30.0], "fabric": "denim", "solver": "tr_bdf2", "self_contact": False, "speed": 0.25,
+    "paused": True, "line": "frame 7 | 6.5 ms, 0.98x | euler 75, 0.50 mm",
+}  # fmt: skip
+
+
+def test_controls_follow_what_else_changes_the_run_and_ask_for_nothing():
+    """A wind that is faster than a slider goes stands at its end; a fabric without a name is one of its own."""
+    with page() as (server, _, said):
+        controls = add_controls(server.gui, {}, lambda *order: said.append(order))
+        controls.follow(STATE)
+        known = {h.label: h for h in server.gui._gui_input_handle_from_uuid.values()}
+        wanted = {"fabric": "denim", "solver": "tr_bdf2", "self-contact": False, "speed": 0.25, "paused": True}
+        wanted |= {"wind x [m/s]": 1.0, "wind y [m/s]": -2.0, "wind z [m/s]": 12.0}
+        assert {label: known[label].value for label in wanted} == wanted
+        assert controls._line.content == f"`{STATE['line']}`"
+        controls.follow({**STATE, "fabric": "", "wind": None})
+        assert known["fabric"].value == OWN
+        assert OWN in known["fabric"].options
+        assert known["wind x [m/s]"].value == 1.0
+        time.sleep(0.05)  # in which the server would have called what asks
+    assert said == []
+
+
+def test_what_somebody_has_just_moved_stays_until_the_run_can_have_followed():
+    now = [100.0]
+    with page() as (server, _, said):
+        controls = add_controls(server.gui, {}, lambda *order: said.append(order), clock=lambda: now[0])
+        known = {h.label: h for h in server.gui._gui_input_handle_from_uuid.values()}
+        with connected(server) as send:
+            send(type="GuiUpdateMessage", uuid=known["speed"]._impl.uuid, updates={"value": 0.5})
+            until(lambda: bool(said))
+        controls.follow(STATE)
+        assert known["speed"].value == 0.5
+        assert known["solver"].value == "tr_bdf2"
+        now[0] += QUIET
+        controls.follow(STATE)
+        assert known["speed"].value == 0.25
+    assert said == [("speed", 0.5)]
+
+
+def test_a_page_shows_how_the_run_goes_and_what_its_keys_have_changed():
+    """Through its own process, as a browser sees it; also while it stands still."""
+    cloth = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.25)
+    scene = cape.Scene(cloth, [cape.attach(cloth, "rod", "top")], wind=cape.Wind())
+    rod = {"rod": (np.zeros(3), (1.0, 0.0, 0.0, 0.0))}
+    pytest.importorskip("viser", reason="pip install 'cape[live]'")
+    with cape.Live(scene, lambda _: rod, viewer="page") as run:
+        assert run.page is not None
+        with watched(run.page) as told:
+            assert told(lambda updates: "ms, " in str(updates.get("_markdown", "")))
+            run.changes.set_wind((-3.0, 0.0, 0.0))
+            assert told(lambda updates: updates.get("value") == -3.0)
+            run.pause(True)
+            assert told(lambda updates: updates.get("value") is True)
+            run.set_speed(0.25)
+            assert told(lambda updates: updates.get("value") == 0.25)
+            assert told(lambda updates: "paused" in str(updates.get("_markdown", "")))
+
+
+def test_a_vertex_that_a_tear_has_made_is_dragged_on_the_page():
+    """Through its own process: it follows the pointer, as the recording tells, and the tears stay."""
+    pytest.importorskip("viser", reason="pip install 'cape[live]'")
+    cloth = cape.Cloth.rectangle(width=1.0, height=1.0, spacing=0.1)
+    scene = cape.Scene(cloth, [cape.attach(cloth, "rod", "top")], tearing=cape.Tearing(strain=0.6))
+    rod = {"rod": (np.zeros(3), (1.0, 0.0, 0.0, 0.0))}
+    with cape.Live(scene, lambda _: rod, viewer="page", keep=True) as run:
+        assert run.page is not None
+        run.changes.tear()
+        until(lambda: len(run.positions) > cloth.vertices)
+        born = len(run.positions) - 1
+        # Off its twin: where both are in one place either of them may be taken.
+        run.changes.take_hold(born)
+        run.changes.reach(born, run.positions[born] + np.array([0.1, 0.0, 0.0]))
+        until(lambda: run.positions[born, 0] > 0.08)
+        run.changes.let_go(born)
+        place = run.positions[born]
+        goal = place + np.array([0.1, 0.0, 0.05])
+        with sending(run.page) as send:
+            drag: dict[str, Any] = {
+                "type": "SceneNodeDragMessage", "name": "/cape", "instance_index": None, "button": "left",
+                "modifier": None, "owner": "", "start_position": place.tolist(), "start_screen_pos": [0.5, 0.5],
+                "end_screen_pos": [0.5, 0.5],
+            }  # fmt: skip
+            send(**drag, phase="start", end_position=place.tolist())
+            until(lambda: f"vertex {born} in the hand" in run.status.message)
+            send(**drag, phase="update", end_position=goal.tolist())
+            until(lambda: bool(np.linalg.norm(run.positions[born] - goal) < 0.02))
+            assert np.linalg.norm(run.positions[born] - goal) < 0.02
+            send(**drag, phase="end", end_position=place.tolist())
+            until(lambda: f"vertex {born} let go" in run.status.message)
+            assert f"vertex {born} let go" in run.status.message
+    assert run.take().tears > 0
+    assert len(run.take().topologies) == 2
+
+
+@contextmanager
+def watched(url: str) -> Iterator[Callable[[Callable[[dict[str, Any]], object]], bool]]:
+    """A connection to a page; gives what tells whether updates of its controls come that are so, within a while."""
+    import msgspec
+    import viser
+    import zstandard
+    from websockets.sync.client import connect
+
+    protocol: Any = f"viser-v{viser.__version__}"
+    with connect(url.replace("http", "ws"), subprotocols=[protocol], max_size=None, compression=None) as there:
+        seen: list[dict[str, Any]] = []
+
+        def told(wanted: Callable[[dict[str, Any]], object]) -> bool:
+            end = time.monotonic() + 30.0
+            while not any(wanted(updates) for updates in seen):
+                if time.monotonic() > end:
+                    return False
+                message = there.recv(timeout=30.0)
+                assert isinstance(message, bytes)
+                length = int.from_bytes(message[8:16], "little")  # after its length unpacked; arrays come behind
+                batch = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(message[16 : 16 + length]))
+                seen.extend(m["updates"] for m in batch["messages"] if m.get("type") == "GuiUpdateMessage")
+            return True
+
+        yield told
+
+
 def until(done: Callable[[], bool]) -> None:
     for _ in range(1000):
         if done():
@@ -200,13 +323,19 @@ def until(done: Callable[[], bool]) -> None:
 @contextmanager
 def connected(server: Any) -> Iterator[Callable[..., None]]:
     """A connection as a browser has one; gives what tells something there."""
+    with sending(f"http://{LOOPBACK}:{server.get_port()}") as send:
+        yield send
+
+
+@contextmanager
+def sending(page: str) -> Iterator[Callable[..., None]]:
+    """The same at a page's address."""
     import msgspec
     import viser
     from websockets.sync.client import connect
 
     protocol: Any = f"viser-v{viser.__version__}"
-    url = f"ws://{LOOPBACK}:{server.get_port()}"
-    with connect(url, subprotocols=[protocol], max_size=None, compression=None) as there:
+    with connect(page.replace("http", "ws"), subprotocols=[protocol], max_size=None, compression=None) as there:
 
         def send(**message: Any) -> None:
             there.send(msgspec.msgpack.encode(message))

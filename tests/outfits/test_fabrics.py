@@ -245,10 +245,21 @@ def test_threads_may_get_as_long_as_the_fabric_of_each_lets_them():
     assert excess(0.0, 0.08) == pytest.approx(0.08 - 0.06, abs=1e-9)
 
 
+def test_the_energy_of_some_triangles_of_a_membrane_is_by_the_fabric_of_each():
+    """Of half of each sheet, with what lies beside that, as of each sheet by itself."""
+    outfit, sheets = apart("membrane")
+    places, vertices, count = outfit.positions * [1.0, 1.03, 1.01], sheets[0].vertices, len(sheets[0].faces)
+    whole, own = springs_of(outfit).membrane, [springs_of(each).membrane for each in sheets]
+    half, expected = np.arange(count // 2), 0.0
+    for alone, there in zip(own, (places[:vertices], places[vertices:]), strict=True):
+        assert alone is not None
+        expected += alone.energy(there, half)
+    assert whole is not None
+    assert whole.energy(places, np.concatenate([half, count + half])) == pytest.approx(expected, rel=1e-12)
+
+
 def test_what_a_mesh_of_several_fabrics_can_not_be_is_told():
     outfit, sheets = apart()
-    with pytest.raises(ValueRangeError, match="does not tear"):
-        Scene(outfit, tearing=cape.Tearing(strain=0.2))
     with pytest.raises(ValueRangeError, match="leave out its patchwork"):
         Scene(replace(outfit, fabric=cape.FABRICS["denim"]))
     number = np.arange(len(sheets[0].faces)) % 2

@@ -1,9 +1,12 @@
 """Cloth to tear, and what a torn one must be."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 import cape
+from cape.outfits.combined import combined
 
 IDENTITY = [1.0, 0.0, 0.0, 0.0]
 FABRIC = cape.Fabric(density=0.2, stretch=2000.0, shear=20.0, bend=1e-5)
@@ -27,6 +30,20 @@ def mesh_of(cloth: cape.GridCloth, *, mirrored: bool = False, jitter: float = 0.
         fabric=cloth.fabric,
         regions=cloth.regions,
     )
+
+
+def with_another_aside(scene: cape.Scene, fabric: cape.Fabric | None = None) -> cape.Scene:
+    """A scene with another cloth, `aside` of its own, which is held likewise 3 m off; of its fabric unless told."""
+    cloth, off = scene.cloth, np.array([0.0, 3.0, 0.0])
+    other = replace(cloth, fabric=fabric or cloth.fabric)
+    outfit = combined(["aside", "under"], [other, cloth], [cloth.positions + off, cloth.positions])
+    away = [a if a.points is None else replace(a, points=a.points + off) for a in scene.attachments]
+    both = [
+        replace(each, vertices=each.vertices + start, cloth_vertices=outfit.vertices)
+        for held, start in ((away, 0), (scene.attachments, cloth.vertices))
+        for each in held
+    ]
+    return replace(scene, cloth=outfit, attachments=both)
 
 
 def fans(triangles: NDArray[np.integer]) -> NDArray[np.int64]:

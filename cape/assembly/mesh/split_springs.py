@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly.fabrics import fabrics_of
 from cape.assembly.membrane import membrane_of
 from cape.assembly.mesh.curvature import Unfolded, unfold
 from cape.assembly.mesh.in_plane import InPlane, corner, fit_in_plane
@@ -120,7 +121,7 @@ def split_mesh_springs(cloth: SplitMesh) -> SplitMeshSprings:
         nearest, edge_stiffness = edge_stiffness, np.zeros(len(sides))
     ends = np.concatenate([_ends(cloth.faces, sides), _crossing(cloth.faces, fitted, within)])
     along = _along(cloth)
-    bends = bends_of(cloth, unfolded, area, np.arange(len(area) if max(_bending(cloth)) > 0.0 else 0))
+    bends = bends_of(cloth, unfolded, area, np.arange(len(area) if _bending(cloth) > 0.0 else 0))
     return SplitMeshSprings(
         first=np.ascontiguousarray(ends[:, 0]),
         second=np.ascontiguousarray(ends[:, 1]),
@@ -258,5 +259,6 @@ def _along(cloth: MeshCloth) -> NDArray[np.bool_]:
     return np.isin(_ends(cloth.faces, sides) @ [cloth.vertices, 1], cloth.threads @ [cloth.vertices, 1])
 
 
-def _bending(cloth: MeshCloth) -> tuple[float, float]:
-    return cloth.fabric.bend_weft, cloth.fabric.bend_warp
+def _bending(cloth: MeshCloth) -> float:
+    """The largest stiffness against bending of its fabrics [N m]."""
+    return max(bend for fabric in fabrics_of(cloth) for bend in (fabric.bend_weft, fabric.bend_warp))

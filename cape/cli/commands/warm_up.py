@@ -65,9 +65,9 @@ def _all_requests(who: Character) -> Iterator[Request]:
 
 
 def _requests(scene: Scene, who: Character, solver: Solver) -> Iterator[Request]:
-    """What a scene asks for with a solver, on one thread and on several."""
+    """What a scene asks for with a solver, on one thread and on several, and where hands may take hold of it."""
     for threads in sorted({1, min(2, available_cores())}):
-        yield from requests_of(scene, who.track, solver=solver, threads=threads, cull=False)
+        yield from requests_of(scene, who.track, solver=solver, threads=threads, cull=False, hands=1)
 
 
 def _solvers() -> Iterator[Solver]:

@@ -31,6 +31,7 @@ from cape.solvers import Solver
 from motions.errors import FileError, ValueRangeError
 from motions.files import printable
 
+LISTENING = ("window", "web", "page")  # viewers that are opened here, and take what comes to an address
 SPARE = 20_000_000  # [bytes] that stay free on the disk of the recording, or
 SHARE = 0.02  # of a disk, if that is less
 WRITES = 1.2  # times what frames take where they are kept, that they may take in the recording
@@ -51,7 +52,7 @@ def run(
     """Run until it is ended; gives the exit status."""
     if seconds is not None and not seconds > 0.0:
         raise ValueRangeError(f"--seconds must be above 0, not {seconds:g}")
-    if not is_loopback(bind):
+    if not is_loopback(bind) and viewer in LISTENING:
         _tell(f"listening on {bind}: whoever reaches this machine there sees the cape")
     file = scene if isinstance(scene, SceneFile) else None
     if file is not None:

@@ -17,7 +17,8 @@ SUMS = 6  # by vertex: of tension along weft, warp and in shear, strains along w
 class Borne(NamedTuple):
     """Cells (k, P) of a cloth, their `strains` along weft, warp and of the angle (3, P), and `area` [m2] (P,).
 
-    `stiffness` (3, 3) [N/m]; `force` [N/m] and `strain` at which threads part, infinite for never. Room: `sums`
+    `stiffness` (F, 3, 3) [N/m] of each of F fabrics, and of which of them each cell is, `fabric` (P,), None where there
+    is one; `force` [N/m] and `strain` at which threads part, infinite for never. Room: `sums`
     (SUMS, V). What comes out: `ratio` (V,) of what each vertex bears to what it may, and `along` (2, V), in which
     direction of weft and warp it is drawn most, where that is more than it may bear.
     """
@@ -26,6 +27,7 @@ class Borne(NamedTuple):
     strains: FloatArray
     area: FloatArray
     stiffness: FloatArray
+    fabric: NDArray[np.int64] | None
     force: float
     strain: float
     sums: FloatArray
@@ -95,15 +97,24 @@ def middle_lines(a, b, c, d):
     return 0.5 * (b + c - a - d), 0.5 * (c + d - a - b)
 
 
+@inlined
+def number_of(fabric, p):
+    """Number of the fabric that cell p is of."""
+    if fabric is None:
+        return 0
+    return fabric[p]
+
+
 @routine
 def bear(g):
     """Set what each vertex bears, and where that is too much its direction; gives the largest ratio of all."""
-    cells, sums, c, corners = g.cells, g.sums, g.stiffness, g.cells.shape[0]
+    cells, sums, fabric, corners = g.cells, g.sums, g.fabric, g.cells.shape[0]
     for k in range(SUMS):
         for i in range(g.ratio.size):
             sums[k, i] = 0.0
     for p in range(g.area.size):
         u, v, w = g.strains[0, p], g.strains[1, p], g.strains[2, p]
+        c = g.stiffness[number_of(fabric, p)]
         tu, tv = c[0, 0] * u + c[0, 1] * v, c[0, 1] * u + c[1, 1] * v
         tw = c[2, 2] * w
         largest = 0.5 * (tu + tv) + math.sqrt(0.25 * (tu - tv) ** 2 + tw * tw)

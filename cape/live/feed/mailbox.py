@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 SLOTS = 4  # frames in turn: a reader is late by two before one that it copies is written over
-_HEAD = struct.Struct("=8q")  # count of frames put; vertices, bones and, behind the last frame sent, morphs of a frame
-_SLOT = struct.Struct("=6q1d")  # count, number, set-up, vertices, bones, morphs; time
+_HEAD = struct.Struct("=8q")  # count of frames put; vertices, bones and, behind the last frame sent, morphs and text
+_SLOT = struct.Struct("=7q1d")  # count, number, set-up, vertices, bones, morphs, text; time
 _COUNT, _ROOM, _SENT = slice(0, 8), slice(8, 24), slice(24, 32)
 
 
@@ -31,6 +31,7 @@ class LiveFrame(NamedTuple):
         bone_positions: origins of the bones in the world [m], shape (B, 3).
         rotations_wxyz: unit quaternions bone_to_world, shape (B, 4).
         morphs: weights of the M morphs of a mesh that the bones move, shape (M,).
+        told: what there is to read besides, as UTF-8.
     """
 
     number: int
@@ -40,18 +41,19 @@ class LiveFrame(NamedTuple):
     bone_positions: FloatArray
     rotations_wxyz: FloatArray
     morphs: FloatArray = np.zeros(0)
+    told: bytes = b""
 
 
 class Mailbox:
-    """Room for the newest frame, of so many vertices, bones and morphs at most."""
+    """Room for the newest frame, of so many vertices, bones, morphs and bytes of text at most."""
 
-    def __init__(self, memory: mmap.mmap, vertices: int, bones: int, morphs: int) -> None:
+    def __init__(self, memory: mmap.mmap, vertices: int, bones: int, morphs: int, told: int) -> None:
         """Take memory that `create` or `open` has mapped."""
-        self._memory, self.vertices, self.bones, self.morphs = memory, vertices, bones, morphs
+        self._memory, self.vertices, self.bones, self.morphs, self.told = memory, vertices, bones, morphs, told
         self._taken = 0
 
     @staticmethod
-    def create(path: Path, vertices: int, bones: int, morphs: int = 0) -> "Mailbox":
+    def create(path: Path, vertices: int, bones: int, morphs: int = 0, told: int = 0) -> "Mailbox":
         """Make an empty one; the file may vanish once the other process has opened it.
 
         Raises:
@@ -59,10 +61,10 @@ class Mailbox:
         """
         with path.open("xb+") as file:
             # Written rather than left as a hole, which could not be filled any more once the disk is full.
-            head = _HEAD.pack(0, vertices, bones, -1, morphs, 0, 0, 0)
-            file.write(head + bytes(SLOTS * _stride(vertices, bones, morphs)))
+            head = _HEAD.pack(0, vertices, bones, -1, morphs, told, 0, 0)
+            file.write(head + bytes(SLOTS * _stride(vertices, bones, morphs, told)))
             file.flush()
-            return Mailbox(mmap.mmap(file.fileno(), 0), vertices, bones, morphs)
+            return Mailbox(mmap.mmap(file.fileno(), 0), vertices, bones, morphs, told)
 
     @staticmethod
     def open(path: Path) -> "Mailbox":
@@ -73,21 +75,22 @@ class Mailbox:
         """
         with path.open("rb+") as file:
             memory = mmap.mmap(file.fileno(), 0)
-        _, vertices, bones, _, morphs, *_ = _HEAD.unpack_from(memory)
-        return Mailbox(memory, vertices, bones, morphs)
+        _, vertices, bones, _, morphs, told, *_ = _HEAD.unpack_from(memory)
+        return Mailbox(memory, vertices, bones, morphs, told)
 
     def put(self, frame: LiveFrame) -> None:
         """Have a frame be the newest one."""
         count = self._count + 1
         start = self._start(count)
-        vertices, bones, morphs = len(frame.positions), len(frame.bone_positions), len(frame.morphs)
+        sizes = len(frame.positions), len(frame.bone_positions), len(frame.morphs), len(frame.told)
         # Not valid while it is written.
-        _SLOT.pack_into(self._memory, start, -1, frame.number, frame.setup, vertices, bones, morphs, frame.time)
+        _SLOT.pack_into(self._memory, start, -1, frame.number, frame.setup, *sizes, frame.time)
         at = start + _SLOT.size
         for values, dtype in _parts(frame):
             data = np.ascontiguousarray(values, dtype)
             self._memory[at : at + data.nbytes] = data.tobytes()
             at += data.nbytes
+        self._memory[at : at + len(frame.told)] = frame.told
         self._memory[start : start + 8] = struct.pack("=q", count)
         self._memory[_COUNT] = struct.pack("=q", count)
 
@@ -122,12 +125,12 @@ class Mailbox:
 
     @property
     def _stride(self) -> int:
-        return _stride(self.vertices, self.bones, self.morphs)
+        return _stride(self.vertices, self.bones, self.morphs, self.told)
 
 
-def _stride(vertices: int, bones: int, morphs: int) -> int:
+def _stride(vertices: int, bones: int, morphs: int, told: int) -> int:
     """Bytes of a slot."""
-    return _SLOT.size + 8 * (-(-(12 * vertices + 56 * bones + 8 * morphs) // 8))
+    return _SLOT.size + 8 * (-(-(12 * vertices + 56 * bones + 8 * morphs + told) // 8))
 
 
 def _parts(frame: LiveFrame) -> tuple[tuple[NDArray, type], ...]:
@@ -140,11 +143,11 @@ def _parts(frame: LiveFrame) -> tuple[tuple[NDArray, type], ...]:
 
 
 def _unpacked(data: bytes) -> LiveFrame:
-    _, number, setup, vertices, bones, morphs, time = _SLOT.unpack_from(data)
+    _, number, setup, vertices, bones, morphs, told, time = _SLOT.unpack_from(data)
     found, at = [], _SLOT.size
     wanted = (bones, 3, np.float64), (bones, 4, np.float64), (morphs, 1, np.float64), (vertices, 3, np.float32)
     for count, width, dtype in wanted:
         found.append(np.frombuffer(data, dtype, count * width, at).reshape(count, width))
         at += found[-1].nbytes
     places, rotations, weights, positions = found
-    return LiveFrame(number, time, setup, positions, places, rotations, weights[:, 0])
+    return LiveFrame(number, time, setup, positions, places, rotations, weights[:, 0], data[at : at + told])

@@ -23,6 +23,7 @@ FloatArray = NDArray[np.float64]
 
 NOTHING = np.zeros(0)
 ROOM = 4  # times as many vertices as there are, for those that tears add
+TOLD = 4096  # bytes that a page may be told with a frame
 STUCK = 2.0  # [s] without a frame, from which on it is said that the viewer does not answer
 
 
@@ -60,7 +61,7 @@ class Screen:
         source = rig.hands.source
         self._dressed = dressed_in(source, skin)
         self._known: tuple[object, ...] = ()
-        self._setup = 0
+        self._setup, self._told = 0, b""
         self._served = threading.Event()
         own = viewing in ("window", "web")
         self.viewer = ViewerProcess(web=viewing == "web", bind=bind) if own else None
@@ -78,6 +79,7 @@ class Screen:
                 vertices=ROOM * rig.scene.cloth.vertices,
                 bones=len(source.names),
                 morphs=len(self._morphs),
+                told=TOLD if viewing == "page" else 0,
                 module=module,
                 hear=self._take if viewing == "page" else None,
             )
@@ -117,6 +119,14 @@ class Screen:
             return "nothing is sent any more"
         return "viewer does not answer" if self.sender.put > 1 and self.sender.stuck_s > STUCK else ""
 
+    def tell(self, told: str) -> bool:
+        """Have a page read this with the frames from now on; tells whether it is anything new."""
+        text = told.encode()
+        if text == self._told or len(text) > TOLD:
+            return False
+        self._told = text
+        return True
+
     def show(self, number: int) -> None:
         """Have the frame that the rig is at be the newest one; returns at once."""
         if self.sender is None:
@@ -131,7 +141,7 @@ class Screen:
             return
         pose = rig.bones
         places, turns = pose.positions, pose.rotations_wxyz
-        self.sender.send(LiveFrame(number, rig.time, self._setup, positions, places, turns, self._morphs))
+        self.sender.send(LiveFrame(number, rig.time, self._setup, positions, places, turns, self._morphs, self._told))
 
     @property
     def _morphs(self) -> FloatArray:

@@ -36,6 +36,7 @@ class Sender:
         vertices: int,
         bones: int,
         morphs: int = 0,
+        told: int = 0,
         module: str = "cape.live.feed.sending",
         hear: Callable[[str], None] | None = None,
     ) -> None:
@@ -46,6 +47,7 @@ class Sender:
             vertices: that there is room for.
             bones: the same.
             morphs: the same.
+            told: bytes of text, the same.
             module: what the process runs.
             hear: called with each line that it prints, on a thread of its own.
 
@@ -55,7 +57,7 @@ class Sender:
         try:
             place = FOLDER if os.access(FOLDER, os.W_OK) else None
             self._folder = tempfile.TemporaryDirectory(prefix="cape-live-", dir=place, ignore_cleanup_errors=True)
-            self._box = Mailbox.create(Path(self._folder.name) / "frames", vertices, bones, morphs)
+            self._box = Mailbox.create(Path(self._folder.name) / "frames", vertices, bones, morphs, told)
         except OSError as error:
             raise UserError(f"can't show anything: no room for frames in memory: {error.strerror}") from error
         self.put, self._setup = 0, -1

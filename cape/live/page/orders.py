@@ -7,6 +7,8 @@ import json
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+WIDTH = 160  # columns of the line at most
+
 if TYPE_CHECKING:
     from cape.live.live import Live
     from cape.live.rig import Rig
@@ -20,6 +22,20 @@ def beginning_of(rig: Rig, fabric: str) -> str:
         "fabric": fabric,
         "solver": rig.solver.name,
         "self_contact": rig.scene.self_contact is not None,
+    })  # fmt: skip
+
+
+def state_of(live: Live) -> str:
+    """What the page shows of a run, as JSON: what its controls stand at, and a line."""
+    changes, wind = live.changes, live.wind
+    return json.dumps({
+        "wind": None if wind is None else [float(part) for part in wind.velocity],
+        "fabric": changes.fabric,
+        "solver": changes.coming.name,
+        "self_contact": changes.self_contact,
+        "speed": live.speed,
+        "paused": live.paused,
+        "line": live.status.line(WIDTH),
     })  # fmt: skip
 
 

@@ -30,9 +30,12 @@ def main(folder: Path, host: str, port: int, begins: Mapping[str, Any]) -> int:
     # The server takes another port where this one is not free.
     _say("serving", server.get_port())
     stage = Stage(server, Grips(_say))
-    add_controls(server.gui, begins, _say)
+    controls, told = add_controls(server.gui, begins, _say), b""
     box = Mailbox.open(folder / "frames")
     for frame in arriving(box):
+        if frame.told != told:
+            told = frame.told
+            controls.follow(json.loads(told))
         if frame.setup != stage.setup:
             if (shown := read_setup(folder, frame.setup)) is None:
                 continue

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly.fabrics import fabrics_of, patchwork_of
 from cape.assembly.membrane import plane_stiffness
 from cape.cloth.cloth import Cloth, GridCloth
 from cape.kernels.calling import Bound
@@ -38,7 +39,9 @@ class Scale:
 
     def __init__(self, cloth: Cloth, tearing: Tearing) -> None:
         """Measure the cloth at rest."""
-        self._stiffness, self._tearing = plane_stiffness(cloth.fabric), tearing
+        self._stiffness = np.stack([plane_stiffness(fabric) for fabric in fabrics_of(cloth)])
+        patches = patchwork_of(cloth)
+        self._fabric, self._tearing = None if patches is None else patches.number, tearing
         self._is_grid = isinstance(cloth, GridCloth)
         if isinstance(cloth, GridCloth):
             places = cloth.places_at_rest[cloth.cells]
@@ -69,8 +72,8 @@ class Scale:
             count, cells = state.x.size, len(sheet.cells)
             force, strain = (np.inf if most is None else most for most in (self._tearing.force, self._tearing.strain))
             borne = Borne(
-                np.ascontiguousarray(sheet.cells.T), np.zeros((3, cells)), sheet.area, self._stiffness, force, strain,
-                np.zeros((SUMS, count)), np.zeros(count), np.zeros((2, count)),
+                np.ascontiguousarray(sheet.cells.T), np.zeros((3, cells)), sheet.area, self._stiffness, self._fabric,
+                force, strain, np.zeros((SUMS, count)), np.zeros(count), np.zeros((2, count)),
             )  # fmt: skip
             if self._is_grid:
                 gauge = Bound(gauge_grid, Gauged(state, borne.cells, *self._rest, borne.strains))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly, assemble, inverse_of, spare_rows
+from cape.assembly.fabrics import of_vertices
 from cape.assembly.grid.limits import fill_links, longest_threads
 from cape.assembly.grid.split_springs import Changed, SplitSprings, move_springs
 from cape.assembly.self_contact import layers_of
@@ -120,7 +121,8 @@ def write_masses(arrays: Any, assembly: Assembly) -> None:
     """Write masses, and the drag of what sticks to them, into the arrays of a solver."""
     inertia, wind = arrays.inertia, assembly.scene.wind
     if ViscousAir in arrays.forces and wind is not None:
-        arrays.forces[ViscousAir].skin.drag[:] = wind.viscous / assembly.cloth.fabric.density * assembly.mass
+        density = of_vertices(assembly.cloth, lambda fabric: fabric.density)
+        arrays.forces[ViscousAir].skin.drag[:] = wind.viscous / density * assembly.mass
     inertia.mass[:], inertia.free[:], inertia.inverse_mass[:] = assembly.mass, assembly.free, assembly.inverse_mass
 
 
@@ -140,7 +142,7 @@ def _enlarge(cloth: Hanging, vertices: int) -> None:
     missing = -(-(vertices - grid.vertices) // grid.columns)
     rows = grid.rows - grid.whole.rows + max(missing, spare_rows(grid.whole))
     larger = SplitGrid.of(grid.whole, rows).split(grid.corners, grid.parents)
-    grown = assemble(assembly.scene, cloth.held, threads=len(assembly.ranks), split=larger)
+    grown = assemble(assembly.scene, cloth.held, threads=len(assembly.ranks), split=larger, hands=assembly.hands)
     go_on_in(cloth, grown, State(*(grown.inwards(component[: grid.in_use]) for component in cloth.state)))
 
 

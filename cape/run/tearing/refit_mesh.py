@@ -91,5 +91,6 @@ def give_up_spares(cloth: Hanging) -> None:
 
 def _lay_out(cloth: Hanging, mesh: SplitMesh, springs: SplitMeshSprings, state: State, *, spare: bool) -> None:
     """Lay out anew all but the springs of a mesh, which has so many vertices as a state, `spare` ones or none."""
-    scene, threads = cloth.assembly.scene, len(cloth.assembly.ranks)
-    go_on_in(cloth, assemble(scene, cloth.held, threads=threads, spare=spare, split=mesh, springs=springs), state)
+    scene, threads, hands = cloth.assembly.scene, len(cloth.assembly.ranks), cloth.assembly.hands
+    laid_out = assemble(scene, cloth.held, threads=threads, spare=spare, split=mesh, springs=springs, hands=hands)
+    go_on_in(cloth, laid_out, state)

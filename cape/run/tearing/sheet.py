@@ -46,10 +46,7 @@ class Sheet:
     @staticmethod
     def whole(cells: IntArray, ways: Sequence[Sequence[Way]], area: FloatArray, fixed: NDArray[np.bool_]) -> "Sheet":
         """One that has not parted; see the attributes."""
-        around: list[list[int]] = [[] for _ in fixed]
-        for cell, corners in enumerate(cells.tolist()):
-            for vertex in corners:
-                around[vertex].append(cell)
+        around = cells_around(cells, len(fixed))
         return Sheet(cells, around, ways, area, np.arange(len(fixed)), fixed, 0, np.zeros(len(fixed), bool))
 
     @property
@@ -127,3 +124,12 @@ class Sheet:
             before, now = self.cells[cell].tolist(), cells[cell].tolist()
             ends.add((now[before.index(first)], now[before.index(second)]))
         return len(sides) == 2 and len(ends) == 2
+
+
+def cells_around(cells: IntArray, vertices: int) -> list[list[int]]:
+    """The cells (P, k) that have each of so many vertices as a corner, in their order."""
+    around: list[list[int]] = [[] for _ in range(vertices)]
+    for cell, corners in enumerate(cells.tolist()):
+        for vertex in corners:
+            around[vertex].append(cell)
+    return around

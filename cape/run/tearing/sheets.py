@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth, areas
-from cape.run.tearing.sheet import Sheet
+from cape.run.tearing.sheet import Sheet, cells_around
 
 IntArray = NDArray[np.int64]
 
@@ -33,6 +33,14 @@ def triangles_of(cloth: Cloth, sheet: Sheet) -> NDArray[np.int32]:
     if not isinstance(cloth, GridCloth):
         return cells
     return np.concatenate([cells[:, [0, 3, 1]], cells[:, [2, 1, 3]]])
+
+
+def in_triangles(cloth: Cloth, sheet: Sheet, triangles: Sheet) -> Sheet:
+    """The sheet of a cloth by its triangles, as it has split; `triangles` is that of the cloth before."""
+    cells = triangles_of(cloth, sheet).astype(np.int64)
+    around = cells_around(cells, sheet.vertices)
+    own = {name: getattr(sheet, name) for name in ("parents", "fixed", "tears", "torn")}
+    return replace(triangles, cells=cells, around=around, **own)
 
 
 def split_mesh(mesh: MeshCloth, sheet: Sheet, copies: IntArray) -> MeshCloth:

@@ -11,7 +11,9 @@ from cape.cloth.meshing import as_mesh
 from cape.results.topology import Topology
 from cape.run.hanging import Hanging
 from cape.run.tearing.refit_mesh import give_up_spares
+from cape.run.tearing.sheets import in_triangles
 from cape.run.tearing.tears import Tears
+from cape.run.whereabouts import Place
 from cape.scene.poses import Pose
 from cape.scene.scene import Scene
 from cape.solvers import Solver
@@ -32,6 +34,7 @@ class MayTear(ABC):
         self.substeps = 0
         self._cloth: Hanging | None = None
         self._tears: Tears | None = None
+        self._torn_as: Tears | None = None  # the tears of another one, that these go on from
 
     @property
     def _started(self) -> Hanging:
@@ -65,6 +68,48 @@ class MayTear(ABC):
         if self._tears is None:
             return Topology(0, cloth.triangles, np.arange(vertices))
         return Topology(0, self._tears.triangles, self._tears.sheet.parents)
+
+    def place(self) -> Place:
+        """Where the cloth is now, whether it has torn or not, for `go_on_at`.
+
+        Raises:
+            ValueRangeError: the simulation has not been started.
+        """
+        return self._started.place()
+
+    def go_on_at(self, place: Place) -> None:
+        """Go on from where another simulation is, of a cloth of as many vertices; see `tear_like`.
+
+        Raises:
+            ValueRangeError: the simulation has not been started.
+        """
+        self._started.go_to(place)
+
+    def tear_like(self, other: "MayTear") -> None:
+        """Have the cloth be torn as that of another simulation is, where it is, and count those tears as its own.
+
+        Args:
+            other: of a cloth of the same triangles, maybe a grid where this is a mesh, which has torn at least where
+                this one has.
+
+        Raises:
+            ValueRangeError: one of them has not been started, this one may not tear, or has torn otherwise, or the
+                triangles are others.
+        """
+        cloth, torn = self._started, other._tears
+        if self.tears and torn is not self._torn_as:
+            raise ValueRangeError("a cloth that has torn can't go on as one that has torn otherwise, or is whole")
+        if torn is None or not other.tears:
+            return
+        if self._tears is None or len(self._tears.triangles) != len(torn.triangles):
+            raise ValueRangeError("a cloth that has torn can only go on as one that may tear, of the same triangles")
+        sheet = torn.sheet
+        if isinstance(other.scene.cloth, GridCloth) and not isinstance(self.scene.cloth, GridCloth):
+            sheet = in_triangles(other.scene.cloth, sheet, self._tears.sheet)
+        if self._tears.sheet.vertices < sheet.vertices:
+            self._tears.become(cloth, sheet)
+            cloth.prepare()
+        self._tears.released, self._torn_as = torn.released, torn
 
     def own_substeps(self, dt: float) -> int:
         """Steps in `dt` [s] that the solver would choose, whatever was asked for.

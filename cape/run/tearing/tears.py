@@ -4,6 +4,8 @@ It is seen where the cloth parts at the end of each frame, and of each part of a
 few edges at each of its tips then, and what is left bears the load by its springs and its inertia until the next time.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -45,7 +47,7 @@ class Tears:
         fixed = np.zeros(self._cloth.vertices, bool)
         for vertices in cloth.held:
             fixed[vertices] = True
-        self.sheet = sheet_of(self._cloth, fixed)
+        self._held, self.sheet = fixed, sheet_of(self._cloth, fixed)
         self.released = 0.0
         self._scale = Scale(self._cloth, scene.tearing)
         self._wary, self._layers_known = False, True
@@ -53,6 +55,24 @@ class Tears:
         split = cloth.assembly.cloth
         if cloth.assembly.layers is not None and isinstance(split, SplitGrid | SplitMesh):
             layers.patch_order(split.whole)  # which is remembered, so that no frame takes the time
+
+    def keep(self, vertex: int, *, whole: bool) -> None:
+        """Have a vertex never split while a hand holds it, or let it."""
+        fixed = self.sheet.fixed.copy()
+        fixed[vertex] = whole or (vertex < len(self._held) and self._held[vertex])
+        self.sheet = replace(self.sheet, fixed=fixed)
+
+    def become(self, cloth: Hanging, sheet: Sheet) -> None:
+        """Have a cloth that is whole, or has torn less, be torn as another one is of the same cells, wherever it is.
+
+        What bones and hands hold of this one is its own: that splits no further, whatever held the other.
+        """
+        before, count = self.sheet, self.sheet.vertices
+        copies = np.zeros(sheet.vertices, np.int64)
+        copies[sheet.cells] = before.cells
+        fixed = np.concatenate([before.fixed, np.zeros(sheet.vertices - count, bool)])
+        self._go_on(cloth, replace(sheet, fixed=fixed), copies[count:])
+        self.end_frame(cloth)
 
     def parts(self, cloth: Hanging, substeps: int) -> int:
         """In how many parts the next frame of so many substeps is to be taken."""

@@ -1,12 +1,13 @@
 """By how much a step of a live run begins late because something is changed.
 
-`python -m tests.bench.live.changes [--rounds 3] [--spacing S] [--ahead]` runs the default cape on a character that
-stands, at 60 frames a second and without a viewer, and asks for one change after the other, as keys do. For each it
-tells how long it took until the run went on with it [s], and the latest that a step began from the asking until half a
-second after that: by how much later than a frame after the one before it [ms]. Where steps are too long by themselves
-all begin late: `usual` is what nine of ten are late by before, or after, and `hitch` by how much more the latest is.
-`at` tells which step that was, from the one that went on with the change. `nothing` is the same without a change. The
-first round may compile. `--ahead` is for a machine that others use as well, `--keep` keeps all frames, as a recording.
+`python -m tests.bench.live.changes [--rounds 3] [--spacing S] [--ahead] [--torn]` runs the default cape on a
+character that stands, at 60 frames a second and without a viewer, and asks for one change after the other, as keys
+do. For each it tells how long it took until the run went on with it [s], and the latest that a step began from the
+asking until half a second after that: by how much later than a frame after the one before it [ms]. Where steps are
+too long by themselves all begin late: `usual` is what nine of ten are late by before, or after, and `hitch` by how
+much more the latest is. `at` tells which step that was, from the one that went on with the change. `nothing` is the
+same without a change. The first round may compile. `--torn` tears the cape before all of that. `--ahead` is for a
+machine that others use as well, `--keep` keeps all frames, as a recording.
 """
 
 import argparse
@@ -28,6 +29,12 @@ AFTER = 30  # frames that are still looked at
 SETTLED = 5  # of them, after which none is late because of the change itself
 LONGEST = 120.0  # s that a change may take, with what it compiles
 
+
+def hem(run: cape.Live) -> np.ndarray:
+    """The vertices of its lower edge."""
+    return run._rig.first.cloth.region("bottom")
+
+
 CHANGES: dict[str, tuple[Callable[[cape.Live], None], str]] = {
     "fabric": (lambda run: run.changes.set_fabric("denim"), "fabric denim"),
     "fabric back": (lambda run: run.changes.set_fabric("swim"), "fabric swim"),
@@ -40,6 +47,8 @@ CHANGES: dict[str, tuple[Callable[[cape.Live], None], str]] = {
     "euler": (lambda run: run.changes.set_solver("euler"), "solver euler"),
     "pin": (lambda run: run.changes.pin("bottom"), "bottom pinned"),
     "let go": (lambda run: run.changes.pin("bottom"), "bottom let go"),
+    "hand": (lambda run: run.changes.take_hold(int(hem(run)[len(hem(run)) // 2])), "vertex"),
+    "hand off": (lambda run: run.changes.let_go(int(hem(run)[len(hem(run)) // 2])), "vertex"),
     "wind": (lambda run: run.changes.set_wind((-3.0, 0.0, 0.0)), "wind"),
     "no wind": (lambda run: run.changes.set_wind((0.0, 0.0, 0.0)), "no wind"),
     "anew": (lambda run: run.changes.reset(), "put on anew"),
@@ -97,6 +106,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--spacing", type=float, help="of the cape's vertices [m]")
     parser.add_argument("--change", choices=CHANGES, action="append", help="all, in this order, unless told")
+    parser.add_argument("--torn", action="store_true")
     parser.add_argument("--keep", action="store_true")
     parser.add_argument("--ahead", action="store_true", help="before all else on this machine (Linux, root)")
     asked = parser.parse_args()
@@ -104,6 +114,8 @@ def main() -> None:
         get_ahead()
     with dressed(asked.spacing, keep=asked.keep) as live:
         live.steps = []
+        if asked.torn:
+            live.changes.tear()
         live.wait(2.0)
         vertices = live._rig.scene.cloth.vertices
         hitches: dict[str, list[float]] = {}

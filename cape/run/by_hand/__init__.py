@@ -1,0 +1,1 @@
+"""A running cloth that hands take hold of."""
