@@ -4,7 +4,8 @@ A vertex that a step takes within the thickness of a shape is stopped there: its
 surface loses what points inwards, friction takes at most mu times as much of what slides, and the step is redone with
 the corrected velocity. What is still too deep is moved out along the normal, no faster than `EXIT`, without any change
 of velocity: a vertex at rest stays at rest, depth never turns into speed, and a start inside ends in a walk outside.
-What a limit of strain has drawn it in by in the step before is given back in full: see `drawn`.
+What a limit of strain has drawn it in by in the step before is given back in full: see `drawn`. What a limb has
+gone through is led off that: see `slip`.
 
 Where a vertex may pass a shape's middle within one step, its whole way against the shape is followed. As all shapes are
 convex, the nearest distance tells how far it can go before it may touch (conservative advancement: Mirtich 1996,
