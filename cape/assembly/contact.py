@@ -12,13 +12,14 @@ from cape.kernels import store
 from cape.kernels.contact import shapes
 from cape.kernels.contact.faces import CHUNK, GROUP, SEEN
 from cape.kernels.contact.shapes import COLLIDER, Colliders, Faces, Points
+from cape.kernels.contact.slip import NOT
 from cape.kernels.contact.watch import NEVER, TILE
 from cape.kernels.jit import COMPILER_OFF, formula_of
 from cape.kernels.linking import Linker
 from cape.kernels.packing import Packed
 from cape.kernels.self_contact.self_contact import Layers, Pressure
 from cape.scene.scene import Scene
-from skeleton.shapes import Layout
+from skeleton.shapes import Bounded, Layout, Shape
 
 FloatArray = NDArray[np.float64]
 
@@ -118,6 +119,7 @@ def _colliders(scene: Scene, vertices: int, shared: dict[str, Any]) -> tuple[Col
         # The world comes after the last bone.
         row.bone = len(scene.bones) if collider.bone is None else scene.bones.index(collider.bone)
         row.origin, row.frame, row.core = layout.origin, layout.rotation, layout.core
+        row.tip = tip_of(collider) @ layout.rotation
         row.sizes = (*layout.sizes, 0.0, 0.0, 0.0, 0.0)[:4]
         row.thickness = scene.thickness if collider.thickness is None else collider.thickness
         row.friction = scene.friction if collider.friction is None else collider.friction
@@ -133,9 +135,22 @@ def _colliders(scene: Scene, vertices: int, shared: dict[str, Any]) -> tuple[Col
         between=np.ones(tiles, dtype=bool),
         before=np.zeros((6, TILE)),
         pinched=np.zeros(vertices, dtype=bool),
+        slips=np.full(vertices, NOT, dtype=np.int64),
         **shared,
     )
     return colliders, layouts
+
+
+def tip_of(collider: Shape) -> FloatArray:
+    """The unit vector (3,), in a bone's frame, along which a limb leads that a collider surrounds; zero for none.
+
+    That is from the bone's joint to its middle, if it is farther from there than it is thick.
+    """
+    if collider.bone is None or not isinstance(collider, Bounded):
+        return np.zeros(3)
+    middle, reach = collider.ball()
+    far = float(np.linalg.norm(middle))
+    return middle / far if far > 0.5 * reach else np.zeros(3)
 
 
 def _faces(colliders: Colliders, layouts: Sequence[Layout], cloth: Cloth) -> Faces | None:

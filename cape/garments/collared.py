@@ -127,7 +127,11 @@ def lay_out(
     angles = np.linspace(begin, end, columns)
     heights = _heights(fitted, rings, angles, down, edge, top, clearance)
     places = np.stack(
-        np.broadcast_arrays(fitted.neck[0] - rings[:, None] * np.cos(angles), rings[:, None] * np.sin(angles), heights),
+        np.broadcast_arrays(
+            fitted.neck[0] - rings[:, None] * np.cos(angles),
+            fitted.neck[1] + rings[:, None] * np.sin(angles),
+            heights,
+        ),
         axis=-1,
     )
     pattern = np.stack(

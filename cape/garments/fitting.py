@@ -28,8 +28,9 @@ TALLEST = 0.16  # the same on a trunk that goes on above the shoulders, as a rob
 WIDEST = 0.12  # of the body's height: radius of a collar, at most
 NARROWEST = 0.03  # the same, at least
 BROADEST = 0.35  # the same of a ring around the shoulders, at most
+SIDES = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])  # ahead, behind, left, right
 UPPER_ARM = 0.15  # of the body's height: how far below the shoulder joints such a ring must be clear
-COLLARED = 0.27  # of the way from the neck's joint to the head's: where a collar lies, lower in front than behind
+COLLARED = 0.049  # of the body's height above the shoulder joints: where a collar lies, lower in front than behind
 AROUND = 96  # directions in which a collar is fitted
 RAISED = np.radians(75.0)  # arms from the direction down the trunk, where a garment is put on under them
 CLEARANCE = 0.0015  # m between a garment as it is cut and what stops it
@@ -97,13 +98,18 @@ class Fitted:
         """Index of a bone given by its name or its role; a name wins over a role."""
         return self._rest.bones.index(bone) if bone in self._rest.bones else self._rest.bone(bone)
 
-    @property
+    @cached_property
     def neck(self) -> FloatArray:
         """Where the neck is as high as a collar lies, as seen from above: x and y [m], shape (2,)."""
         if "neck" not in self._rest.roles:
             return np.zeros(2)
-        start, end = ((self._rest.origin(role) - self._origin) @ self._axes[:, 0] for role in ("neck", "head"))
-        return np.array([start + COLLARED * (end - start), 0.0])
+        # Joints tell where the neck is, but not where on it: many a skeleton's neck begins between the shoulder blades.
+        start, end = ((self._rest.origin(role) - self._origin) @ self._axes for role in ("neck", "head"))
+        rise = end[2] - start[2]
+        share = np.clip((COLLARED * self.height - start[2]) / rise, 0.0, 1.0) if rise > 0.0 else 0.0
+        inside = start + share * (end - start)
+        ways = self.way_out(inside, SIDES, 0.0, only=("neck", "head"))
+        return inside[:2] + (ways @ SIDES)[:2] / 2.0
 
     @property
     def has_feet(self) -> bool:
@@ -287,7 +293,7 @@ class Fitted:
 
     def _is_clear(self, radius: float, angles: FloatArray, heights: FloatArray, clearance: float) -> NDArray[np.bool_]:
         """Where a ring around the neck is clear of all colliders, at n angles and m heights, shape (n, m)."""
-        x, y = self.neck[0] - radius * np.cos(angles), radius * np.sin(angles)
+        x, y = self.neck[0] - radius * np.cos(angles), self.neck[1] + radius * np.sin(angles)
         ring = np.stack(np.broadcast_arrays(x[:, None], y[:, None], heights), axis=-1)
         return self.distances(ring, within=clearance) >= clearance
 

@@ -113,9 +113,7 @@ def _collar_gaps(take: Take, cloth: Cloth) -> FloatArray | None:
     body = _of_the_body(take)
     if "collar" not in cloth.regions or not body:
         return None
-    bones = take.bones.roles
-    own = bones.get("neck") if bones.get("neck") != bones.get("head") else None
-    neck = [c for c in body if take.bones.names[take.bones.index(str(take.colliders[c].bone))] == own]
+    neck = [c for c in body if take.bones.index(str(take.colliders[c].bone)) in _neck_bones(take)]
     edge = np.intersect1d(cloth.regions["collar"], cloth.regions.get("top", cloth.regions["collar"]))
     placed, gaps = PlacedColliders(take), np.empty(len(take.positions))
     for block in blocks(take.positions):
@@ -123,6 +121,21 @@ def _collar_gaps(take: Take, cloth: Cloth) -> FloatArray | None:
         places = take.positions[block][:, edge].astype(float).reshape(-1, 3)
         gaps[block] = _distances(placed, neck or body, frames, places).reshape(-1, len(edge)).max(axis=1)
     return gaps
+
+
+def _neck_bones(take: Take) -> list[int]:
+    """The bones from the neck on up to the head: the longest of them carries what surrounds the neck."""
+    roles, parents = take.bones.roles, take.bones.parents
+    if "neck" not in roles or roles["neck"] == roles.get("head"):
+        return []
+    found = [take.bones.index(roles["neck"])]
+    if parents is None or "head" not in roles:
+        return found
+    way, bone = [], int(parents[take.bones.index(roles["head"])])
+    while bone >= 0 and bone != found[0]:
+        way.append(bone)
+        bone = int(parents[bone])
+    return found + way if bone == found[0] else found
 
 
 def _of_the_body(take: Take) -> list[int]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cape.kernels.bones import Motion
 from cape.run.hanging import Hanging
 from cape.run.whereabouts import Diverged, Moment
+from cape.scene.poses import Pose
 
 RETRIES = 4  # each at half the step or less
 CONVERGENCE_RETRIES = 2  # after which a step that did not converge is kept, and counted
@@ -53,8 +54,13 @@ def take_frame(cloth: Hanging, motion: Motion, dt: float, substeps: int, before:
         Diverged: it explodes at any step.
     """
     exploded, refined, troubled, lasting = False, False, False, 0
+    end = Pose(motion.position1, motion.rotation1)
     for attempt in range(RETRIES + 1):
         unconverged, sound = cloth.complete(motion, dt, substeps, before)
+        if attempt == 0 and sound and cloth.slips.begin(cloth.limit.long(), end):
+            before = before._replace(slips=cloth.slips.of_vertices.copy())
+            cloth.restore(before)
+            unconverged, sound = cloth.complete(motion, dt, substeps, before)
         if attempt == 0 and sound and not fixed:
             excess = cloth.limit.excess()
             needed, drawing = _needed_substeps(cloth, substeps, dt, excess)
@@ -73,6 +79,7 @@ def take_frame(cloth: Hanging, motion: Motion, dt: float, substeps: int, before:
         if sound and attempt >= patience:
             cloth.limit.rest()
             cloth.limit.lasting = lasting
+            cloth.slips.go_on(cloth.limit.long(), end)
             cloth.note_lift(dt)
             converged = unconverged == 0
             return Taken(exploded, refined and converged, troubled and converged, not converged)

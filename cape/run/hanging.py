@@ -13,10 +13,12 @@ from cape.assembly.assemble import Assembly, assemble
 from cape.kernels.bones import Motion
 from cape.kernels.calling import Bound
 from cape.kernels.cloth.measure import whereabouts
+from cape.kernels.contact.slip import NOT
 from cape.kernels.solve.journal import Journal
 from cape.kernels.solve.soft import Pull
 from cape.kernels.state import State
 from cape.kernels.store import Request
+from cape.run.contact.slips import Slips
 from cape.run.strain_limit import StrainLimit, strain_check
 from cape.run.weather import Weather
 from cape.run.whereabouts import Frame, Hold, Moment, Place
@@ -55,6 +57,7 @@ class Hanging:
         keeps_journal: whether it is noted what substeps do.
         journal: of the last frame that was noted.
         limit: of the strain of its threads, from frame to frame.
+        slips: what of it slips off limbs that have gone through it.
         time: since the bones left their first pose [s].
         weather: what blows.
         first: pose of the bones, about `origin`, in which the cloth is worn at first.
@@ -156,12 +159,14 @@ class Hanging:
         self.running = self._solver.init(self.assembly, self.state)
         self._sound, self._slow = (Bound(whereabouts, *self.state, FARTHEST_LEAP, most) for most in (FASTEST, WILD))
         self.limit = StrainLimit(self.assembly, self.state, self.running.limits)
+        self.slips = Slips(self.assembly, self.state)
         self._strain = strain_check(self.assembly.springs, self.state, STRAINED)
 
     def follow(self, assembly: Assembly, changed: "Changed") -> None:
         """Go on in the assembly of a mesh that has split, in place; see `Solver.follow`."""
         self.running.arrays = self._solver.follow(self.running.arrays, assembly, changed)
         self.assembly = self.running.assembly = assembly
+        self.slips = Slips(assembly, self.state)
 
     @property
     def follow_requests(self) -> list[Request]:
@@ -253,7 +258,7 @@ class Hanging:
         self.origin, self.pose, self.time = place.origin, place.pose, place.time
         for component, values in zip(self.state, self.assembly.inwards(place.state).T, strict=True):
             component[:] = values
-        self._pinched[:] = False
+        self._pinched[:], self.slips.of_vertices[:] = False, NOT
         self.running.drawn.by[:], self.limit.acts = 0.0, True
         self._hold_again(place.hold)
         self.look()
@@ -390,14 +395,17 @@ class Hanging:
         known = self.assembly.layers
         kept = None if known is None else self_contact.keep(known)
         state, pinched, drawn = tuple(c.copy() for c in self.state), self._pinched.copy(), self.running.drawn.by.copy()
-        return Moment(state, kept, pinched, drawn, self.limit.acts, self.limit.lasting, self._center, self.strained)
+        return Moment(
+            state, kept, pinched, self.slips.of_vertices.copy(), drawn, self.limit.acts, self.limit.lasting,
+            self._center, self.strained,
+        )  # fmt: skip
 
     def restore(self, before: Moment) -> None:
         """Put a moment back."""
         for component, kept in zip(self.state, before.state, strict=True):
             component[:] = kept
         self._center, self.strained = before.center, before.strained
-        self._pinched[:] = before.pinched
+        self._pinched[:], self.slips.of_vertices[:] = before.pinched, before.slips
         self.running.drawn.by[:] = before.drawn
         self.limit.acts, self.limit.lasting = before.limited, before.lasting
         if self.assembly.layers is not None and before.layers is not None:

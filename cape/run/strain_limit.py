@@ -102,6 +102,14 @@ class StrainLimit:
             beyond = beyond[~pinched[self._first] & ~pinched[self._second]]
         return float(beyond.max(initial=0.0))
 
+    def long(self) -> NDArray[np.bool_]:
+        """Which vertices are at an end of a thread that is strained too much, shape (N,)."""
+        found = np.zeros(len(self._state.x), bool)
+        if self._longest and self._any():
+            chosen = self._strains() > self._most
+            found[self._first[chosen]] = found[self._second[chosen]] = True
+        return found
+
     def torn(self) -> bool:
         """Tell whether some bear far more than the limit, as where limbs draw out more than all together may give."""
         return self._acts and bool(self._any()) and bool((self._strains() > self._most + TORN).any())

@@ -105,11 +105,26 @@ def test_a_ring_is_let_down_onto_a_ball(walker):
     fitted = Fitted(body, [ball])
     origin = fitted.pose(["chest"])[0][0]
     angles, radius = np.linspace(-np.pi, np.pi, 40, endpoint=False), 0.05
-    around = np.stack([fitted.neck[0] - radius * np.cos(angles), radius * np.sin(angles)], axis=1) - origin[:2]
+    around = np.stack([fitted.neck[0] - radius * np.cos(angles), fitted.neck[1] + radius * np.sin(angles)], axis=1)
+    around -= origin[:2]
     top = origin[2] + np.sqrt(0.21**2 - np.sum(around**2, axis=1))
     found = fitted.lie_on(radius, angles, 0.01, np.full(40, top.max() + 0.02))
     # Heights are tried 2 mm apart, and the lowest clear one is taken.
     assert ((found >= top - 1e-12) & (found < top + 0.002 + 1e-12)).all()
+
+
+def test_a_collar_lies_around_the_neck_wherever_that_is(walker):
+    """A neck of 5 cm, a little ahead of its joint and to the left, that begins between the shoulder blades."""
+    body, _ = walker
+    start, end = np.array([0.02, 0.03, -0.25]), np.array([0.02, 0.03, 0.25])
+    fitted = Fitted(body, [Capsule("neck", "Neck", start, end, 0.05)])
+    joint = fitted.pose(["Neck"])[0][0]
+    places = [joint + quaternions.rotate(fitted.pose(["Neck"])[1][0], point) for point in (start, end)]
+    height = 0.049 * fitted.height
+    middle = places[0] + (height - places[0][2]) / (places[1][2] - places[0][2]) * (places[1] - places[0])
+    # The neck leans by 1 in 25 against the trunk at most, and is as thick to all sides.
+    np.testing.assert_allclose(fitted.neck, middle[:2], atol=1e-3)
+    assert fitted.collar(0.01)[0] < 0.05 + 0.01 + 0.002 + 2e-3
 
 
 def test_rings_are_the_narrowest_of_all_that_are_tried(walker, monkeypatch: pytest.MonkeyPatch):

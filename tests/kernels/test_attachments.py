@@ -230,6 +230,17 @@ def test_what_one_vertex_needs_is_spread_over_its_neighbours():
     np.testing.assert_array_equal(led[[0, -1]], points[[0, -1]])
 
 
+def test_what_a_long_chain_needs_reaches_its_ends():
+    """81 threads that give hardly at all, of which those in the bar need more than their neighbours have."""
+    count, spacing = 81, 0.005
+    points = on_a_rail(count, spacing)
+    points[:, 1] = 0.002
+    longest = 1.004 * spacing
+    ties = tied(count, [(k, k + 1) for k in range(count - 1)], [longest] * (count - 1))
+    led = lifted_from_a_bar(count, ties, points, 1.0)
+    assert np.linalg.norm(np.diff(led, axis=0), axis=1).max() < longest * (1 + 2 * SLACK)
+
+
 def test_what_bones_have_drawn_apart_may_stay_so():
     points = np.array([[0.1, 0.0, 0.0], [0.5, 0.0, 0.0]])
     led = lifted_from_a_bar(2, tied(2, [(0, 1)], [0.01]), points, 1.0)

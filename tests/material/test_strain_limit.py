@@ -126,6 +126,17 @@ def test_what_is_held_at_both_ends_stays_as_it_is():
     np.testing.assert_array_equal(threads.v, [np.zeros(3), ALONG])
 
 
+def test_a_row_that_is_drawn_out_further_than_it_may_be_shares_that_out():
+    """Held at both ends, 1 % too far apart. Its threads in turn would leave every other one with all of it, 2 %."""
+    count, longest = 40, 0.05
+    x = 1.01 * longest * np.arange(count + 1)[:, None] * ALONG
+    threads = Threads(x, 0.0, [np.inf, *[0.01] * (count - 1), np.inf], 1, longest)
+    threads.limit()
+    excess = threads.lengths[1] / longest - 1.0
+    assert excess.sum() == pytest.approx(0.01 * count, rel=1e-9)
+    assert excess.max() < 0.013
+
+
 # -- many --
 
 

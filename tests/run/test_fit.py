@@ -135,6 +135,21 @@ def test_the_gap_of_a_collar_is_that_of_its_farthest_point():
     assert fit_of(take, cloth).collar_gap is None
 
 
+def test_a_neck_may_be_carried_by_any_bone_below_the_head():
+    """Many a skeleton's neck has no length of its own, and one above it has; shoulders nearby are no neck."""
+    cloth, take = flat(0.12)
+    collared = replace(cloth, regions={**cloth.regions, "collar": np.arange(22)})
+    bones = take.bones
+    roles = {**bones.roles, "neck": "pelvis", "head": "left_foot"}
+    parents = np.full(len(bones.names), -1)
+    parents[bones.index("left_foot")], parents[bones.index("neck")] = bones.index("neck"), bones.index("pelvis")
+    above = replace(take, bones=replace(bones, roles=roles, parents=parents))
+    assert fit_of(above, collared).collar_gap == fit_of(take, collared).collar_gap
+    assert (
+        fit_of(take, collared).collar_gap != fit_of(replace(take, bones=replace(bones, roles={})), collared).collar_gap
+    )
+
+
 def test_what_a_wearer_lacks_is_not_told():
     cloth, take = flat(0.12)
     assert fit_of(replace(take, bones=take.bones.select(["neck", "world"])), cloth) == Fit()

@@ -13,6 +13,7 @@ from cape.kernels.contact import contact, shapes, units
 from cape.kernels.contact.drawn import Drawn
 from cape.kernels.contact.faces import GROUP, SEEN, FaceContact
 from cape.kernels.contact.shapes import COLLIDER, MOMENT, Colliders, Faces, Points
+from cape.kernels.contact.slip import NOT
 from cape.kernels.contact.watch import NEVER, TILE, measure_tiles
 from cape.kernels.jit import COMPILER_OFF, formula_of
 from cape.kernels.linking import Linker
@@ -240,6 +241,7 @@ def _noted(rows: Any, tiles: int) -> Colliders:
         before=np.zeros((6, TILE)),
         between=np.ones(tiles, bool),
         pinched=np.zeros(TILE * tiles, bool),
+        slips=np.full(TILE * tiles, NOT),
     )
 
 

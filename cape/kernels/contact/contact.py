@@ -4,7 +4,8 @@ A vertex that a step takes within the thickness of a shape is stopped there: its
 surface loses what points inwards, friction takes at most mu times as much of what slides, and the step is redone with
 the corrected velocity. What is still too deep is moved out along the normal, no faster than `EXIT`, without any change
 of velocity: a vertex at rest stays at rest, depth never turns into speed, and a start inside ends in a walk outside.
-What a limit of strain has drawn it in by in the step before is given back in full: see `drawn`.
+What a limit of strain has drawn it in by in the step before is given back in full: see `drawn`. What a limb has
+gone through is led off that: see `slip`.
 
 Where a vertex may pass a shape's middle within one step, its whole way against the shape is followed. As all shapes are
 convex, the nearest distance tells how far it can go before it may touch (conservative advancement: Mirtich 1996,
@@ -21,6 +22,7 @@ from cape.kernels.bones import MotionRoom, velocity_at
 from cape.kernels.contact.drawn import Drawn, drawn_in, note_stopped
 from cape.kernels.contact.pinch import hold_pinched, note
 from cape.kernels.contact.shapes import DUE, Colliders, direction_to_world, distance_to, into_shape, nearest, place
+from cape.kernels.contact.slip import is_let_go
 from cape.kernels.contact.watch import (
     GAIN,
     JOLT,
@@ -124,7 +126,7 @@ def leave(contact, c, start, end, thickness, step, noting):
     s, colliders = contact.state, contact.colliders
     gaps, core, hardest, most = colliders.points.gaps, colliders.records[c].core, -1.0, EXIT * step
     for i in range(start, end):
-        if gaps[i - start] < 0.0 and contact.free[i] and not colliders.pinched[i]:
+        if gaps[i - start] < 0.0 and contact.free[i] and not colliders.pinched[i] and not is_let_go(colliders, c, i):
             if noting:
                 note(colliders, s, i, i - start)
             distance, nx, ny, nz = distance_to(colliders, c, s.x[i], s.y[i], s.z[i])
@@ -133,6 +135,21 @@ def leave(contact, c, start, end, thickness, step, noting):
             speed = respond(contact, c, i, thickness - distance, nx, ny, nz, step, most)
             hardest = max(hardest, max(speed, 0.0))
     return hardest
+
+
+@routine
+def slip(contact, c, start, end, step, most):
+    """Stop those of vertices start to end that slip off collider c, and are in it, along the limb that it surrounds.
+
+    They are led towards the limb's tip by `most` [m].
+    """
+    colliders = contact.colliders
+    record = colliders.records[c]
+    tip = record.tip
+    nx, ny, nz = direction_to_world(record.placed, tip[0], tip[1], tip[2])
+    for i in range(start, end):
+        if colliders.points.gaps[i - start] < 0.0 and is_let_go(colliders, c, i) and contact.free[i]:
+            respond(contact, c, i, math.inf, nx, ny, nz, step, most)
 
 
 @inlined
@@ -236,7 +253,7 @@ def sweep(contact, c, start, end, thickness, step):
     turned = turn_of(record.bone, step, contact.bones)
     skin = SKIN * thickness
     for i in range(start, end):
-        if not contact.free[i]:
+        if not contact.free[i] or is_let_go(colliders, c, i):
             continue
         x, y, z = at_start(contact, c, i, turned, step)
         ex, ey, ez = into_shape(r, s.x[i], s.y[i], s.z[i])
@@ -307,6 +324,7 @@ def collide(contact, lo, hi, turn, step):
                 if touched == 1 and between:
                     colliders.touches[:] = 0
                 hardest = max(hardest, leave(contact, c, start, end, thickness, step, between))
+                slip(contact, c, start, end, step, most)
             # Contact forces, where there are any, begin at the whole thickness.
             wake = turn + nap(gap + thickness - record.thickness, speed, step)
             colliders.wake[tile, k - 1] = wake

@@ -12,6 +12,7 @@ from cape.kernels.contact.contact import EXIT, GRAZE, PASSES, Contact, at_start,
 from cape.kernels.contact.deepest import deepest_on_triangle
 from cape.kernels.contact.order import from_order, to_order
 from cape.kernels.contact.shapes import Faces, direction_to_world, into_shape, nearest, numbers_of, place, planes_by
+from cape.kernels.contact.slip import is_let_go
 from cape.kernels.contact.watch import (
     GAIN,
     JOLT,
@@ -176,6 +177,8 @@ def collide_group(contact, faces, group, c, step):
         gap = math.inf
         for f in range(start, end):
             least = faces.middles.gaps[f - start]
+            if slips_off(colliders, faces, f, c):
+                continue
             if least < 0.0 and is_pinched(colliders, faces, f):
                 least = 0.0
             elif least < 0.0 or follow:
@@ -190,6 +193,14 @@ def is_pinched(colliders, faces, f):
     """Tell whether two colliders pinch a corner of triangle f, which then gets as deep as it does."""
     pinched, corners = colliders.pinched, faces.corners
     return pinched[corners[0, f]] or pinched[corners[1, f]] or pinched[corners[2, f]]
+
+
+@inlined
+def slips_off(colliders, faces, f, c):
+    """Tell whether a corner of triangle f slips off collider c."""
+    corners = faces.corners
+    first, second, third = corners[0, f], corners[1, f], corners[2, f]
+    return is_let_go(colliders, c, first) or is_let_go(colliders, c, second) or is_let_go(colliders, c, third)
 
 
 @routine

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from cape.kernels.bones import MotionRoom, velocity_at
 from cape.kernels.contact.shapes import MOMENT, Colliders, distance_to, place
+from cape.kernels.contact.slip import is_let_go
 from cape.kernels.contact.watch import TILE, approach, is_alarmed, look, nap, spread, tiles
 from cape.kernels.jit import inlined, kernel, routine, unit
 from cape.kernels.state import Inertia, State
@@ -160,7 +161,7 @@ def press_all(g, lo, hi, substep, b):
             if look(colliders, c, s, start, end, thickness) >= 0.0:
                 continue
             for i in range(start, end):
-                if colliders.points.gaps[i - start] < 0.0 and g.free[i]:
+                if colliders.points.gaps[i - start] < 0.0 and g.free[i] and not is_let_go(colliders, c, i):
                     distance, nx, ny, nz = distance_to(colliders, c, s.x[i], s.y[i], s.z[i])
                     press(g, c, i, thickness - distance, nx, ny, nz, rate)
 

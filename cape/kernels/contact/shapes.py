@@ -24,6 +24,7 @@ COLLIDER = np.dtype(
         ("core", np.float64),
         ("thickness", np.float64),
         ("friction", np.float64),
+        ("tip", np.float64, 3),
         ("placed", np.float64, 12),
         ("placed_at", np.int64),
         ("nearest", np.int64),
@@ -34,7 +35,8 @@ COLLIDER = np.dtype(
 )
 """A collider: `bone` carries it, `origin` [m] and `frame` shape_to_bone place its own frame, in which `sizes` say what
 it is. `core` [m] is how far a point may go at once without passing the middle, `thickness` [m] the distance at which
-the cloth is stopped.
+the cloth is stopped; `tip` is the unit vector, in its own frame, along which the limb leads that it surrounds, zero
+where it is none.
 
 `placed` is shape_to_world as the rows of a rotation and an origin [m], as of the moment `placed_at`. `nearest`, `gaps`
 and `planes` are the addresses of the shape's distances: from a point, from a tile of them, and from triangles' middles.
@@ -64,7 +66,8 @@ class Colliders(NamedTuple):
     `spreads` (T, 3), its size [m], inner speed [m/s] and whether they hold, and `alarm` (T + 1,), the last turn in
     which it was hit hard, at last of all tiles. `hot` (C + 1,), how many a tile is about to touch, and which; `points`,
     room for its vertices as seen from one of them; `touches`, how many have touched each, and `before` (6, tile), where
-    it was then and how fast. `between` (T,), which tiles two touched last; `pinched` (V,), which vertices two pinched.
+    it was then and how fast. `between` (T,), which tiles two touched last; `pinched` (V,), which vertices two pinched;
+    `slips` (V,), the collider that each slips off, -1 for none (see `contact.slip`).
     """
 
     records: Any  # a record array
@@ -80,6 +83,7 @@ class Colliders(NamedTuple):
     before: Array
     between: NDArray[np.bool_]
     pinched: NDArray[np.bool_]
+    slips: NDArray[np.int64]
 
 
 class Faces(NamedTuple):

@@ -82,11 +82,14 @@ def limit_across(g, team, substep, substeps, step):
     sweeps = sweeps_over(g.columns - 1, step)
     for row in range(lo, hi):
         start, end = row * g.columns, (row + 1) * g.columns - 1
-        for _ in range(sweeps):
+        for sweep in range(sweeps):
             if not _exceeds(g, 0, start, end, 1):
                 break
-            _shorten_every_other(g, start, end, RETURN * step)
-            _shorten_every_other(g, start + 1, end, RETURN * step)
+            _shorten_every_other(g, start, end, 1.0, RETURN * step)
+            _shorten_every_other(g, start + 1, end, 1.0, RETURN * step)
+            if sweep == sweeps - 1:
+                # The second ones have all that the first lack: a taut row's threads share it.
+                _shorten_every_other(g, start, end, 0.5, RETURN * step)
 
 
 @routine
@@ -105,19 +108,19 @@ def _shorten(g, family, start, end, offset, most):
     shorten(
         s.x[start:end], s.y[start:end], s.z[start:end], s.vx[start:end], s.vy[start:end], s.vz[start:end], w[start:end],
         s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], w[lo:hi],
-        g.longest[family, start:end], most,
+        g.longest[family, start:end], 1.0, most,
     )  # fmt: skip
 
 
 @routine
-def _shorten_every_other(g, start, end, most):
-    """Shorten every other thread to the right of those that begin at vertices start to end."""
+def _shorten_every_other(g, start, end, part, most):
+    """Shorten every other thread to the right of those that begin at vertices start to end, by a part of what it is."""
     s, w, lo, hi = g.state, g.inverse_mass, start + 1, end + 1
     shorten(
         s.x[start:end:2], s.y[start:end:2], s.z[start:end:2],
         s.vx[start:end:2], s.vy[start:end:2], s.vz[start:end:2], w[start:end:2],
         s.x[lo:hi:2], s.y[lo:hi:2], s.z[lo:hi:2], s.vx[lo:hi:2], s.vy[lo:hi:2], s.vz[lo:hi:2], w[lo:hi:2],
-        g.longest[0, start:end:2], most,
+        g.longest[0, start:end:2], part, most,
     )  # fmt: skip
 
 
@@ -133,14 +136,14 @@ def exceeds(x0, y0, z0, x1, y1, z1, longest):
 
 
 @kernel
-def shorten(x0, y0, z0, vx0, vy0, vz0, w0, x1, y1, z1, vx1, vy1, vz1, w1, longest, most):
+def shorten(x0, y0, z0, vx0, vy0, vz0, w0, x1, y1, z1, vx1, vy1, vz1, w1, longest, part, most):
     """Bring threads from 0 to 1 [m] that are longer than their longest [m] back to that, and stop their stretching.
 
-    Each is shortened by at most `most` [m]. Velocities [m/s] and inverse masses w [1/kg] are of their ends. What
-    two held ends stretch stays as it is.
+    Both is done by a part of it, 1 for all, and each is shortened by at most `most` [m]. Velocities [m/s] and inverse
+    masses w [1/kg] are of their ends. What two held ends stretch stays as it is.
     """
     number = longest.dtype.type
-    bound, one, none, far = number((1.0 + SLACK) ** 2), number(1.0), number(0.0), number(most)
+    bound, one, none, far, much = number((1.0 + SLACK) ** 2), number(1.0), number(0.0), number(most), number(part)
     for k in range(longest.size):
         dx, dy, dz = x1[k] - x0[k], y1[k] - y0[k], z1[k] - z0[k]
         squared, both = dx * dx + dy * dy + dz * dz, w0[k] + w1[k]
@@ -149,7 +152,7 @@ def shorten(x0, y0, z0, vx0, vy0, vz0, w0, x1, y1, z1, vx1, vy1, vz1, w1, longes
         parting = max((vx1[k] - vx0[k]) * dx + (vy1[k] - vy0[k]) * dy + (vz1[k] - vz0[k]) * dz, none) / length
         # Of each end for its inverse mass, per length along the thread.
         scale = one / (both * length)
-        moved, slowed = scale * min(length - longest[k], far), scale * parting
+        moved, slowed = scale * min(much * (length - longest[k]), far), scale * much * parting
         m0, m1, s0, s1 = w0[k] * moved, -w1[k] * moved, w0[k] * slowed, -w1[k] * slowed
         x0[k] = fused(m0, dx, x0[k]) if acts else x0[k]
         y0[k] = fused(m0, dy, y0[k]) if acts else y0[k]

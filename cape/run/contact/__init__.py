@@ -1,0 +1,1 @@
+"""What becomes of a cloth between limbs, from frame to frame."""

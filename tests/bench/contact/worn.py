@@ -1,0 +1,77 @@
+"""How the default cape sits and holds in many motions, and how far that hangs on the last digit.
+
+`python -m tests.bench.contact.worn [--clip walk ...] [--varied 8] [--frames 120]` prints a row for each motion, and as
+many more as `--varied` says with fabric lighter by 0.001 % each: what limbs pinch, and where folds fall, hang on the
+last digit. Motions are the shipped ones and, in a folder that `CAPE_CLIPS` names, BVH files, and the G1's g1_*.csv.
+
+Told are the share of frames in which both shoulders are covered, the largest gap of the collar, folds of the hem at
+first, the largest stretch and the 99th percentile, the deepest penetration, the share of frames in which layers are
+crossed, and times real time, by the time of one core that frames take.
+"""
+
+import argparse
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import cape
+import motions
+from cape.cli.character import Character, read_character
+from cape.cli.reading import Reading
+from cape.measure.self_crossings import share_crossed
+from cape.results.fit import fit_of
+
+LOOKED_AT = 60  # frames in which layers may be crossed
+LIGHTER = 1e-5
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--clip", action="append")
+    parser.add_argument("--varied", type=int, default=0)
+    parser.add_argument("--frames", type=int)
+    asked = parser.parse_args()
+    print("| motion | covered | collar | folds | stretch, 99 % | penetration | crossed | x real time |")
+    print("|---|---|---|---|---|---|---|---|")
+    for name, reading in readings(asked.clip):
+        who = read_character(reading)
+        for k in range(asked.varied + 1):
+            report(f"{name} {k}" if asked.varied else name, who, k * LIGHTER, asked.frames)
+
+
+def readings(chosen: list[str] | None) -> Iterator[tuple[str, Reading]]:
+    """The motions of those names, or all there are."""
+    found = {name: Reading(name) for name in motions.clip_names()}
+    if folder := os.environ.get("CAPE_CLIPS"):
+        found |= {path.stem: Reading(str(path)) for path in sorted(Path(folder).glob("*.bvh"))}
+        found |= {path.stem: Reading(str(path), skeleton="g1") for path in sorted(Path(folder).glob("g1_*.csv"))}
+    for name in chosen or found:
+        yield name, found[name]
+
+
+def report(name: str, who: Character, lighter: float, frames: int | None) -> None:
+    """Have somebody wear the default cape, of fabric lighter by a share, and print what came of it."""
+    track = who.track if frames is None else who.track.first(min(frames, who.track.frames))
+    fabric = replace(cape.Fabric(), density=(1.0 - lighter) * cape.Fabric().density)
+    scene = cape.dress(who.body, track, colliders=who.hitboxes.solids, fabric=fabric)
+    spent: list[float] = []
+    take = cape.simulate(scene, track, threads=1, name=name, progress=lambda *_: spent.append(time.process_time()))
+    fit = fit_of(take, scene.cloth, scene.wearer)
+    crossed = share_crossed(take.positions, take.triangles_at, most=LOOKED_AT)
+    span = float(take.bones.times[-1] - take.bones.times[1])
+    pace = span / (spent[-1] - spent[0]) if len(spent) > 1 else np.nan
+    covered = "" if fit.shoulders_covered is None else f"{fit.shoulders_covered:.2f}"
+    gap = "" if fit.collar_gap is None else f"{1e3 * fit.collar_gap:.0f} mm"
+    print(
+        f"| {name} | {covered} | {gap} | {fit.folds} | {take.stretch_max.max():.2%}, {take.stretch_p99:.2%} "
+        f"| {1e3 * take.penetration.max():.1f} mm | {crossed:.0%} | {pace:.1f} |",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    main()
