@@ -42,7 +42,7 @@ def chain_of(assembly: Assembly, ways: Ways | None = None) -> Chain:
 
     `ways_of` it are given where they have been measured.
     """
-    springs, cloth, held = assembly.springs, assembly.cloth, _held(assembly)
+    springs, cloth, held = assembly.springs, assembly.cloth, _held(assembly) if ways is None else ways.held
     spacing = float(np.median(springs.rest[springs.measured]))
     if len(held):
         distances = geodesic_distances(cloth, held, springs=springs)[0] if ways is None else ways.distances

@@ -45,6 +45,11 @@ class EdgeStrains(NamedTuple):
     shares: FloatArray
     area: FloatArray
 
+    @property
+    def numbers(self) -> FloatArray:
+        """Slopes, shares and area, side by side, shape (E, 11)."""
+        return np.concatenate([self.slopes.reshape(-1, 8), self.shares, self.area[:, None]], axis=1)
+
 
 @dataclass(frozen=True, eq=False)
 class Membrane:
