@@ -16,7 +16,7 @@ from cape.run.tearing import layers, tethers
 from cape.run.tearing.cracks import parting
 from cape.run.tearing.loads import Loads, Scale
 from cape.run.tearing.refit import look_at_layers, refit
-from cape.run.tearing.refit_mesh import refit_mesh
+from cape.run.tearing.refit_mesh import following, refit_mesh
 from cape.run.tearing.sheet import Edge, Sheet
 from cape.run.tearing.sheets import sheet_of, triangles_of
 from motions.errors import ValueRangeError
@@ -87,7 +87,7 @@ class Tears:
         """The code that a run needs besides that of the cloth."""
         own = self._scale.requests(self.sheet, cloth.state)
         found = tethers.requests(cloth.assembly) + layers.requests(cloth.assembly.layers)
-        return [*own, *found, *cloth.follow_requests]
+        return [*own, *found, *following(cloth), *cloth.follow_requests]
 
     def part(self, cloth: Hanging, vertices: ArrayLike) -> int:
         """Part the edges from each of some vertices to the next, shape (n,); gives how many have parted.
