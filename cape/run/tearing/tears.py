@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape.cloth.split_grid import SplitGrid
-from cape.cloth.split_mesh import SplitMesh
 from cape.kernels.state import State
 from cape.kernels.store import Request
 from cape.run.hanging import Hanging
-from cape.run.tearing import layers, tethers
+from cape.run.tearing import tethers
 from cape.run.tearing.cracks import parting
+from cape.run.tearing.layers import SplitLayers
 from cape.run.tearing.loads import Loads, Scale
 from cape.run.tearing.refit import look_at_layers, refit
 from cape.run.tearing.refit_mesh import following, refit_mesh
@@ -50,9 +50,7 @@ class Tears:
         self._scale = Scale(self._cloth, scene.tearing)
         self._wary, self._layers_known = False, True
         self._shown: State | None = None  # where the vertices are, as the sheet numbers them
-        split = cloth.assembly.cloth
-        if cloth.assembly.layers is not None and isinstance(split, SplitGrid | SplitMesh):
-            layers.patch_order(split.whole)  # which is remembered, so that no frame takes the time
+        self._layers = SplitLayers()
 
     def parts(self, cloth: Hanging, substeps: int) -> int:
         """In how many parts the next frame of so many substeps is to be taken."""
@@ -86,7 +84,7 @@ class Tears:
     def requests(self, cloth: Hanging) -> list[Request]:
         """The code that a run needs besides that of the cloth."""
         own = self._scale.requests(self.sheet, cloth.state)
-        found = tethers.requests(cloth.assembly) + layers.requests(cloth.assembly.layers)
+        found = tethers.requests(cloth.assembly) + self._layers.requests(cloth.assembly.layers, cloth.assembly.cloth)
         return [*own, *found, *following(cloth), *cloth.follow_requests]
 
     def part(self, cloth: Hanging, vertices: ArrayLike) -> int:
@@ -103,7 +101,7 @@ class Tears:
     def end_frame(self, cloth: Hanging) -> None:
         """Have contact of the cloth with itself know of edges that have parted."""
         if not self._layers_known:
-            look_at_layers(cloth)
+            look_at_layers(cloth, self._layers)
         self._layers_known = True
 
     def _go_on(self, cloth: Hanging, sheet: Sheet, copies: IntArray) -> None:
