@@ -45,6 +45,14 @@ class Part(NamedTuple):
     lay: Bound
 
 
+class Bends(NamedTuple):
+    """The same of patches of bend springs, with their `group`."""
+
+    colored: Colored
+    lay: Bound
+    group: SplitBends
+
+
 class SplitConstraints:
     """The constraints of a mesh that may split, of one fabric or of some that are alike, and its chains.
 
@@ -81,7 +89,7 @@ class SplitConstraints:
         if self._bends is not None:
             if springs.bend_vertices is not self._bent:
                 colored = _widened(self._bends.colored, springs.bend_vertices.shape[1])
-                self._bends = _of_bends(springs, self._inverse_mass, self.laid, colored)
+                self._bends = _bends_in(springs, self._inverse_mass, self.laid, colored, self._bends.group.sizes)
                 self._bent = springs.bend_vertices
             _lay(self._bends, changed.bent)
 
@@ -97,7 +105,7 @@ class SplitConstraints:
         return [self._measure_ways.request, *(part.lay.request for part in parts if part is not None)]
 
 
-def _lay(part: Part, changed: IntArray) -> None:
+def _lay(part: Part | Bends, changed: IntArray) -> None:
     part.colored.counts[0] = len(changed)
     part.colored.changed[: len(changed)] = changed
     if not part.lay():
@@ -127,24 +135,26 @@ def _of_membrane(springs: SplitMeshSprings, inverse_mass: FloatArray, laid: Mesh
     return Part(colored, Bound(split_membrane, SplitMembrane(*own, colored, edges)))
 
 
-def _of_bends(
-    springs: SplitMeshSprings, inverse_mass: FloatArray, laid: MeshConstraints, colored: Colored | None = None
-) -> Part:
-    """Patches of bend springs; in colours that are known already, where they are given."""
-    assert laid.bends is not None
+def _of_bends(springs: SplitMeshSprings, inverse_mass: FloatArray, laid: MeshConstraints) -> Bends:
     vertices, stiffness = springs.bend_vertices[::ROWS], springs.bend_stiffness
     resists = np.where(stiffness[:, None] > 0.0, springs.bend_coefficients != 0.0, False)
     led_to = resists.reshape(len(vertices), ROWS, -1).any(axis=1)
-    if colored is None:
-        acts = np.asarray((stiffness > 0.0).reshape(-1, ROWS).any(axis=1))
-        colored = _colored(vertices, acts, len(inverse_mass))
-        colored.members[~led_to] = -1
-    patches, most = vertices.shape
+    acts = np.asarray((stiffness > 0.0).reshape(-1, ROWS).any(axis=1))
+    colored = _colored(vertices, acts, len(inverse_mass))
+    colored.members[~led_to] = -1
+    return _bends_in(springs, inverse_mass, laid, colored, led_to.sum(axis=1))
+
+
+def _bends_in(
+    springs: SplitMeshSprings, inverse_mass: FloatArray, laid: MeshConstraints, colored: Colored, sizes: IntArray
+) -> Bends:
+    assert laid.bends is not None
+    patches, most = colored.members.shape
     bends = SplitBends(
-        springs.bend_vertices, springs.bend_coefficients, stiffness, inverse_mass, colored, led_to.sum(axis=1),
+        springs.bend_vertices, springs.bend_coefficients, springs.bend_stiffness, inverse_mass, colored, sizes,
         np.zeros(most + 2, np.int64), np.zeros((2, patches), np.int64), laid.bends,
     )  # fmt: skip
-    return Part(colored, Bound(split_bends, bends))
+    return Bends(colored, Bound(split_bends, bends), bends)
 
 
 def _colored(members: IntArray, acts: NDArray[np.bool_], vertices: int) -> Colored:

@@ -61,7 +61,7 @@ class Following:
     def __init__(self) -> None:
         """Nothing is known yet."""
         self._bent: IntArray | None = None
-        self._room: BendRoom | None = None
+        self._bending_parts: BentParts | None = None
         self._slopes = ROOM
 
     def requests(self, springs: "SplitMeshSprings", cloth: SplitMesh) -> list[Request]:
@@ -113,13 +113,22 @@ class Following:
         self._bend = None if bends is None else self._bending(springs, cloth, bends)
 
     def _bending(self, springs: "SplitMeshSprings", cloth: SplitMesh, bends: Bends) -> Bound:
-        area, flat = springs.fitted.area, flat_of(cloth, springs.unfolded)._replace(faces=springs.faces)
-        plate = np.broadcast_to(of_triangles(cloth, plate_of), (len(area), 3)).copy()
-        room = self._room
-        if room is None or room.slopes.shape[1] != self._slopes or len(room.place) != cloth.vertices:
-            room = self._room = _room_to_bend(len(area), cloth.vertices, self._slopes)
-        patch = Patch.room(len(area), cloth.vertices)
-        return Bound(bend_anew, BentParts(flat, patch, FALL // 2, area, plate, bends, self._found, room))
+        area, known = springs.fitted.area, self._bending_parts
+        if known is not None and len(known.room.place) == cloth.vertices and known.room.slopes.shape[1] == self._slopes:
+            parts = known._replace(bends=bends)
+        else:
+            parts = BentParts(
+                flat=flat_of(cloth, springs.unfolded)._replace(faces=springs.faces),
+                patch=Patch.room(len(area), cloth.vertices),
+                half=FALL // 2,
+                area=area,
+                plate=np.broadcast_to(of_triangles(cloth, plate_of), (len(area), 3)).copy(),
+                bends=bends,
+                found=self._found,
+                room=_room_to_bend(len(area), cloth.vertices, self._slopes),
+            )
+        self._bending_parts = parts
+        return Bound(bend_anew, parts)
 
 
 def _room_to_find(springs: "SplitMeshSprings", vertices: int) -> tuple[Torn, Found]:
