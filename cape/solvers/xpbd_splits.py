@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly
-from cape.assembly.chains import Chain, chain_of, ways_of
+from cape.assembly.chains import Chain, chain_of, spacing_of, ways_of
 from cape.assembly.coloring import by_color
 from cape.assembly.mesh.places import NoRoom
 from cape.assembly.mesh.split_springs import Changed, SplitMeshSprings
@@ -73,7 +73,7 @@ class SplitConstraints:
         self._edges = of_edges(springs, inverse_mass, self.laid)
         self._bends = None if laid.bends is None else _of_bends(springs, inverse_mass, self.laid)
         self._bent = springs.bend_vertices
-        self._ways = ways_of(assembly)
+        self._ways, self._spacing = ways_of(assembly), spacing_of(assembly)
         self._measure_ways = Bound(measure_ways, self._ways)
 
     def follow(self, assembly: Assembly, changed: Changed) -> None:
@@ -94,9 +94,9 @@ class SplitConstraints:
             _lay(self._bends, changed.bent)
 
     def chain(self, assembly: Assembly) -> Chain:
-        """The longest chain of the springs that are left."""
+        """The longest chain of the springs that are left; an edge that parts leaves two as long as it was."""
         self._measure_ways()
-        return chain_of(assembly, self._ways)
+        return chain_of(assembly, self._ways, self._spacing)
 
     @property
     def requests(self) -> list[Request]:

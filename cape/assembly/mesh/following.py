@@ -180,9 +180,9 @@ def _room_to_bend(triangles: int, vertices: int, slopes: int) -> BendRoom:
 
 def _widened(springs: "SplitMeshSprings") -> "SplitMeshSprings":
     """The same with room for wider bends."""
-    more = ((0, 0), (0, WIDER))
+    first = np.repeat(springs.bend_vertices[:, :1], WIDER, axis=1)
     return replace(
         springs,
-        bend_vertices=np.pad(springs.bend_vertices, more, mode="edge"),
-        bend_coefficients=np.pad(springs.bend_coefficients, more),
+        bend_vertices=np.concatenate([springs.bend_vertices, first], axis=1),
+        bend_coefficients=np.concatenate([springs.bend_coefficients, np.zeros(first.shape)], axis=1),
     )
