@@ -193,14 +193,18 @@ def split_bends(g):
     count = sort_patches(g)
     if count < 0:
         return False
-    n, room, patches, bend = 0, min(laid.members.size, laid.coefficients.size // ROWS), g.orders[1], laid.bend
+    n, place, patches, bend = 0, g.orders[0], g.orders[1], laid.bend
     for k in range(count):
         p, laid.first[k] = patches[k], n
-        if n + g.sizes[p] > room:
-            return False
-        n = lay_patch(g, p, k, n)
+        n, place[p] = n + g.sizes[p], k
+    if n > min(laid.members.size, laid.coefficients.size // ROWS):
+        return False
     for k in range(count, laid.first.size):
         laid.first[k] = n
+    # In the order in which they are read, as more is read than is written.
+    for p in range(c.colors.size):
+        if c.colors[p] >= 0:
+            lay_patch(g, p, place[p])
     bend.stiffness[ROWS * count :] = 0.0
     return True
 
@@ -212,9 +216,9 @@ def acting(g, p, row, m):
 
 
 @inlined
-def lay_patch(g, p, k, n):
-    """Lay out patch p as the k-th, whose vertices come from place n on; gives where they end."""
-    laid, bend = g.laid, g.laid.bend
+def lay_patch(g, p, k):
+    """Lay out patch p as the k-th."""
+    laid, bend, n = g.laid, g.laid.bend, g.laid.first[k]
     aa = bb = cc = ab = ac = bc = 0.0
     for m in range(g.vertices.shape[1]):
         a, b, c = acting(g, p, 0, m), acting(g, p, 1, m), acting(g, p, 2, m)
@@ -231,7 +235,6 @@ def lay_patch(g, p, k, n):
     bend.mobility[at], bend.mobility[at + 1], bend.mobility[at + 2] = aa, bb, cc
     for row in range(ROWS):
         bend.stiffness[at + row] = g.stiffness[ROWS * p + row]
-    return n
 
 
 @routine
