@@ -24,10 +24,12 @@ IntArray = NDArray[np.int64]
 class SplitLayers:
     """Has what keeps one cloth off itself follow; what that asks for is made once for the same lists of pairs."""
 
-    def __init__(self) -> None:
-        """Nothing is known yet."""
+    def __init__(self, layers: Layers | None, cloth: Cloth) -> None:
+        """Make it ahead, so that no frame takes the time."""
         self._known: Layers | None = None
         self._relist: Bound | None = None
+        if layers is not None:
+            self._bind(layers, cloth)
 
     def follow(self, layers: Layers, cloth: Cloth) -> bool:
         """Follow a cloth that has split; False, with nothing changed, where there is no room, where it has no spare
@@ -43,10 +45,9 @@ class SplitLayers:
         layers.sight.places[:] = np.nan  # so that pairs are searched for
         return True
 
-    def requests(self, layers: Layers | None, cloth: Cloth) -> list[Request]:
+    @property
+    def requests(self) -> list[Request]:
         """The code that `follow` needs, to be compiled together with other code."""
-        if layers is not None:
-            self._bind(layers, cloth)
         return [] if self._relist is None else [self._relist.request]
 
     def _bind(self, layers: Layers, cloth: Cloth) -> None:

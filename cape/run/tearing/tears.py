@@ -50,7 +50,8 @@ class Tears:
         self._scale = Scale(self._cloth, scene.tearing)
         self._wary, self._layers_known = False, True
         self._shown: State | None = None  # where the vertices are, as the sheet numbers them
-        self._layers = SplitLayers()
+        self._layers = SplitLayers(cloth.assembly.layers, cloth.assembly.cloth)
+        self._following = following(cloth)
 
     def parts(self, cloth: Hanging, substeps: int) -> int:
         """In how many parts the next frame of so many substeps is to be taken."""
@@ -84,8 +85,8 @@ class Tears:
     def requests(self, cloth: Hanging) -> list[Request]:
         """The code that a run needs besides that of the cloth."""
         own = self._scale.requests(self.sheet, cloth.state)
-        found = tethers.requests(cloth.assembly) + self._layers.requests(cloth.assembly.layers, cloth.assembly.cloth)
-        return [*own, *found, *following(cloth), *cloth.follow_requests]
+        found = tethers.requests(cloth.assembly) + self._layers.requests
+        return [*own, *found, *self._following, *cloth.follow_requests]
 
     def part(self, cloth: Hanging, vertices: ArrayLike) -> int:
         """Part the edges from each of some vertices to the next, shape (n,); gives how many have parted.
