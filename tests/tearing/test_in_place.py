@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import cape
 from cape.assembly import assemble
 from cape.assembly.chains import chain_of
-from cape.assembly.mesh import split_springs
+from cape.assembly.mesh import following, split_springs
 from cape.assembly.mesh import springs as springs_of_meshes
 from cape.assembly.mesh.links import bend_matrix
 from cape.assembly.mesh.places import NoRoom
@@ -22,6 +22,7 @@ from cape.assembly.springs import Springs
 from cape.assembly.stability import largest_step
 from cape.cloth.split_mesh import SplitMesh
 from cape.cloth.triangle_mesh import locality_order
+from cape.kernels.cloth.slopes import USUAL
 from cape.kernels.xpbd.membrane import NUMBERS
 from cape.kernels.xpbd.mesh import MeshConstraints
 from cape.kernels.xpbd.packed import LANES, SIDE
@@ -104,6 +105,20 @@ def test_springs_that_followed_several_tears_are_those_of_the_mesh_as_it_is(kind
             if springs.membrane is not None and anew.membrane is not None:
                 for name in ("faces", "slopes", "area", "neighbours", "own", "share"):
                     assert np.allclose(getattr(springs.membrane, name), getattr(anew.membrane, name), rtol=1e-12), name
+
+
+def test_bends_of_a_torn_mesh_find_room_however_little_there_was(monkeypatch):
+    """Around borders slopes are fitted on more vertices than within."""
+    wanted = [springs.acting for _, springs, _, _ in torn_at_random(MESHES["membrane"], seed=5)]
+    monkeypatch.setattr(following, "ROOM", USUAL)
+    monkeypatch.setattr(following, "WIDER", 1)
+    for (_, springs, _, _), usual in zip(torn_at_random(MESHES["membrane"], seed=5), wanted, strict=True):
+        width = usual.bend_vertices.shape[1]
+        assert springs.acting.bend_vertices.shape[1] <= width
+        for of in ("bend_coefficients", "bend_stiffness"):
+            found, known = getattr(springs.acting, of), getattr(usual, of)
+            assert np.array_equal(found, known[:, : found.shape[1]] if known.ndim == 2 else known)
+            assert known.ndim == 1 or not known[:, found.shape[1] :].any()
 
 
 @pytest.mark.parametrize("kind", KINDS)
