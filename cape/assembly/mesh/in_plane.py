@@ -30,7 +30,7 @@ ALIKE = 1e-9  # by which the product of the tensors of springs that lie alike is
 
 @dataclass(frozen=True, eq=False)
 class InPlane:
-    """The fits of a mesh of T triangles, which may split: `part` changes them in place.
+    """The fits of a mesh of T triangles, which may split: they change in place (`kernels.tearing.mesh_springs`).
 
     Attributes:
         cloth: the mesh, of which only corners and fabric are used.
@@ -58,11 +58,6 @@ class InPlane:
     length: FloatArray
     cross_length: FloatArray
     alone: FloatArray
-
-    def part(self, sides: IntArray) -> None:
-        """Let edges be borders, both sides of each given (n,)."""
-        self.mate[sides] = sides
-        self.weight[sides], self.cross[sides], self.trust[sides] = 0.0, 0.0, 0.0
 
     def edge_lengths(self, sides: IntArray) -> FloatArray:
         """Rest lengths of the edges that some sides (n,) are [m], shape (n,)."""
