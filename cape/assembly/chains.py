@@ -37,13 +37,18 @@ class Chain:
         return self.gravity * self.springs**2
 
 
-def chain_of(assembly: Assembly, ways: Ways | None = None) -> Chain:
+def spacing_of(assembly: Assembly) -> float:
+    """How long springs along threads are at rest [m]: the median."""
+    return float(np.median(assembly.springs.rest[assembly.springs.measured]))
+
+
+def chain_of(assembly: Assembly, ways: Ways | None = None, spacing: float | None = None) -> Chain:
     """Find the longest chain of a cloth; of one that nothing holds, half its side.
 
-    `ways_of` it are given where they have been measured.
+    `ways_of` it are given where they have been measured, and its `spacing_of` where that is known.
     """
-    springs, cloth, held = assembly.springs, assembly.cloth, _held(assembly)
-    spacing = float(np.median(springs.rest[springs.measured]))
+    springs, cloth, held = assembly.springs, assembly.cloth, _held(assembly) if ways is None else ways.held
+    spacing = spacing_of(assembly) if spacing is None else spacing
     if len(held):
         distances = geodesic_distances(cloth, held, springs=springs)[0] if ways is None else ways.distances
         length = float(distances[np.isfinite(distances)].max())

@@ -45,6 +45,11 @@ class EdgeStrains(NamedTuple):
     shares: FloatArray
     area: FloatArray
 
+    @property
+    def numbers(self) -> FloatArray:
+        """Slopes, shares and area, side by side, shape (E, 11)."""
+        return np.concatenate([self.slopes.reshape(-1, 8), self.shares, self.area[:, None]], axis=1)
+
 
 @dataclass(frozen=True, eq=False)
 class Membrane:
@@ -111,18 +116,11 @@ class Membrane:
         rest = 3 - at - np.argmax(faces == first[:, None], axis=1)
         return np.concatenate([by_corner[every, at], by_corner[every, rest]], axis=1), faces[every, rest]
 
-    def energy(self, positions: FloatArray, triangles: IntArray | None = None) -> float:
-        """Energy [J] at positions [m], shape (N, 3); what some triangles (n,) add to it, or all."""
-        if triangles is None:
-            strains = self.strains(positions)
-            sums = "tc,cd,td->t" if self.stiffness.ndim == 2 else "tc,tcd,td->t"
-            return 0.5 * float(self.area @ np.einsum(sums, strains, self.stiffness, self.smoothed(strains)))
-        part, place = self.among(triangles)
-        strains = part.strains(positions)
-        stiffness = part.stiffness if part.stiffness.ndim == 2 else part.stiffness[place]
-        sums = "tc,cd->td" if stiffness.ndim == 2 else "tc,tcd->td"
-        tension = np.einsum(sums, part.smoothed(strains)[place], stiffness)
-        return 0.5 * float(part.area[place] @ (strains[place] * tension).sum(axis=1))
+    def energy(self, positions: FloatArray) -> float:
+        """Energy [J] at positions [m], shape (N, 3)."""
+        strains = self.strains(positions)
+        sums = "tc,cd,td->t" if self.stiffness.ndim == 2 else "tc,tcd,td->t"
+        return 0.5 * float(self.area @ np.einsum(sums, strains, self.stiffness, self.smoothed(strains)))
 
     def among(self, triangles: IntArray) -> tuple["Membrane", IntArray]:
         """Some triangles (n,) with their neighbours as a membrane, and where in it they are (n,).

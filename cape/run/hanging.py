@@ -171,7 +171,7 @@ class Hanging:
     @property
     def follow_requests(self) -> list[Request]:
         """The code that `follow` needs, to be compiled together with other code."""
-        return self._solver.follow_requests(self.assembly)
+        return self._solver.follow_requests(self.running.arrays)
 
     def begin_in(self, assembly: Assembly, state: State) -> None:
         """Set out in another assembly of the same scene, or one of more vertices, at a state about the same origin."""

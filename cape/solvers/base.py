@@ -119,7 +119,7 @@ class Solver(ABC):
         """
         raise NotImplementedError
 
-    def follow_requests(self, assembly: Assembly) -> list[Request]:
+    def follow_requests(self, arrays: Any) -> list[Request]:
         """The code that `follow` needs; none, for most solvers."""
         return []
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.assemble import Assembly, force_scratch, inertia_of
-from cape.assembly.chains import Chain, chain_of, ways_of
+from cape.assembly.chains import Chain, chain_of
 from cape.assembly.coloring import Blocks, by_color, in_blocks
 from cape.assembly.membrane import Membrane
 from cape.assembly.springs import Springs
@@ -17,7 +17,6 @@ from cape.forces.base import Force
 from cape.forces.elastic import Elastic, damping_times
 from cape.forces.hold import Hands, Hold
 from cape.forces.registry import forces_in
-from cape.kernels.calling import Bound
 from cape.kernels.cloth.grid import GridRoom
 from cape.kernels.cloth.membrane import Tension
 from cape.kernels.linking import Linker
@@ -26,7 +25,6 @@ from cape.kernels.solve.attachments import Held, aim_attached
 from cape.kernels.solve.soft import Drawn, draw_vertices
 from cape.kernels.state import Inertia, aligned
 from cape.kernels.store import Request
-from cape.kernels.tearing.ways import measure_ways
 from cape.kernels.xpbd.bending import ROWS, BendConstraints, count_members, lay_bends
 from cape.kernels.xpbd.formulas import Constraints
 from cape.kernels.xpbd.grid import GridConstraints, GridSweeps, dealt, hands_for, prepare_grid, solve_grid
@@ -43,6 +41,7 @@ from motions.errors import require_whole
 
 if TYPE_CHECKING:
     from cape.assembly.mesh.split_springs import Changed
+    from cape.solvers.xpbd_splits import SplitConstraints
 
 Array = NDArray[np.floating]
 
@@ -64,7 +63,8 @@ class XpbdArrays(NamedTuple):
     """What the steps of a run share, in its precision: constraints on a grid or a mesh, damping times [s], the other
     forces with their sums (3, N) [N] and scratch of each thread; and the longest step [s] that solves for a chain.
 
-    `pieces` are those of other fabrics, where the numbers of these differ; the rest is then of the first.
+    `pieces` are those of other fabrics, where the numbers of these differ; the rest is then of the first. `splits` lays
+    constraints out anew where a mesh may split that has no such pieces.
     """
 
     forces: dict[type[Force], Any]
@@ -76,6 +76,7 @@ class XpbdArrays(NamedTuple):
     scratch: tuple[GridRoom | None, ...]
     longest_step: float
     pieces: tuple[PieceConstraints, ...] = ()
+    splits: "SplitConstraints | None" = None
 
 
 @checked
@@ -114,7 +115,7 @@ class XPBD(Solver):
 
     def arrays(self, assembly: Assembly) -> XpbdArrays:
         """Turn springs into constraints: by family on a grid, by colour on a mesh."""
-        dtype, cloth, pieces = self.dtype(assembly), assembly.cloth, []
+        dtype, cloth, pieces, splits = self.dtype(assembly), assembly.cloth, [], None
         damping, bend_damping = damping_times(cloth.fabric, assembly.springs)
         others = [force for force in forces_in(assembly) if force not in (Elastic, Hold, Hands)]
         if isinstance(cloth, GridCloth):
@@ -122,9 +123,10 @@ class XPBD(Solver):
         else:
             (constraints, damping, bend_damping), *pieces = self._pieces(assembly, dtype)
             if assembly.springs.in_slots and not pieces:
-                from cape.solvers.xpbd_splits import with_room
+                from cape.solvers.xpbd_splits import SplitConstraints
 
-                constraints = with_room(constraints)
+                splits = SplitConstraints(assembly, constraints)
+                constraints = splits.laid
         return XpbdArrays(
             forces={force: force.arrays(assembly, dtype) for force in others},
             constraints=constraints,
@@ -135,28 +137,25 @@ class XPBD(Solver):
             scratch=force_scratch(assembly, dtype) if others else (None,) * len(assembly.ranks),
             longest_step=step_of(chain_of(assembly)),
             pieces=tuple(pieces),
+            splits=splits,
         )
 
     def follow(self, arrays: XpbdArrays, assembly: Assembly, changed: "Changed") -> XpbdArrays:
-        """Colour the constraints of a mesh anew, in place, and take steps for the chains of springs that are left.
+        """Lay out the constraints of a mesh anew, in place, and take steps for the chains of springs that are left.
 
         Raises:
             NoRoom: they find no room, and the arrays are of no use any more.
         """
         from cape.assembly.mesh.places import NoRoom
-        from cape.solvers.xpbd_splits import refill
 
-        pieces = self._pieces(assembly, self.dtype(assembly))
-        if len(pieces) > 1 or not isinstance(arrays.constraints, MeshConstraints):
+        if arrays.splits is None:
             raise NoRoom
-        refill(arrays.constraints, pieces[0].constraints)
-        ways = ways_of(assembly)
-        Bound(measure_ways, ways)()
-        return arrays._replace(longest_step=step_of(chain_of(assembly, ways)))
+        arrays.splits.follow(assembly, changed)
+        return arrays._replace(longest_step=step_of(arrays.splits.chain(assembly)))
 
-    def follow_requests(self, assembly: Assembly) -> list[Request]:
+    def follow_requests(self, arrays: XpbdArrays) -> list[Request]:
         """The code that `follow` needs."""
-        return [Bound(measure_ways, ways_of(assembly)).request]
+        return [] if arrays.splits is None else arrays.splits.requests
 
     def choose_substeps(self, running: Running, duration: float, *, strained: bool = False) -> int:
         """Number of steps in a frame of `duration` [s]: as asked, or as many as a hanging cloth needs, 40 at 60 Hz at
@@ -293,12 +292,11 @@ class XPBD(Solver):
         blocks = in_blocks(by_color(edges.vertices), LANES)
         vertices = edges.vertices.copy()
         vertices[edges.shares[:, 1] == 0.0, 3] = nobody
-        numbers = np.concatenate([edges.slopes.reshape(-1, 8), edges.shares, edges.area[:, None]], axis=1)
         impulse = np.zeros((len(blocks.places), 3 * LANES), dtype=dtype) if self.iterations > 1 else None
         return MembraneConstraints(
             tension=Tension(float(c[0, 0]), float(c[1, 1]), float(c[0, 1]), float(c[2, 2])),
             vertices=_by_rows(vertices, blocks, nobody).astype(np.uint32),
-            numbers=_by_rows(numbers, blocks).astype(dtype),
+            numbers=_by_rows(edges.numbers, blocks).astype(dtype),
             starts=blocks.starts,
             impulse=impulse,
         )

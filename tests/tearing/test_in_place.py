@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import cape
 from cape.assembly import assemble
 from cape.assembly.chains import chain_of
-from cape.assembly.mesh import split_springs
+from cape.assembly.mesh import following, split_springs
 from cape.assembly.mesh import springs as springs_of_meshes
 from cape.assembly.mesh.links import bend_matrix
 from cape.assembly.mesh.places import NoRoom
@@ -22,9 +22,14 @@ from cape.assembly.springs import Springs
 from cape.assembly.stability import largest_step
 from cape.cloth.split_mesh import SplitMesh
 from cape.cloth.triangle_mesh import locality_order
+from cape.kernels.cloth.slopes import USUAL
+from cape.kernels.xpbd.membrane import NUMBERS
+from cape.kernels.xpbd.mesh import MeshConstraints
+from cape.kernels.xpbd.packed import LANES, SIDE
 from cape.run.tearing import refit_mesh
 from cape.run.tearing.sheets import sheet_of
 from cape.scene.standard_scenes import SHEET
+from cape.solvers import xpbd_splits
 from cape.solvers.xpbd import _patches, step_of
 from tests.tearing.to_tear import FABRIC, mesh_of, still
 
@@ -100,6 +105,20 @@ def test_springs_that_followed_several_tears_are_those_of_the_mesh_as_it_is(kind
             if springs.membrane is not None and anew.membrane is not None:
                 for name in ("faces", "slopes", "area", "neighbours", "own", "share"):
                     assert np.allclose(getattr(springs.membrane, name), getattr(anew.membrane, name), rtol=1e-12), name
+
+
+def test_bends_of_a_torn_mesh_find_room_however_little_there_was(monkeypatch):
+    """Around borders slopes are fitted on more vertices than within."""
+    wanted = [springs.acting for _, springs, _, _ in torn_at_random(MESHES["membrane"], seed=5)]
+    monkeypatch.setattr(following, "ROOM", USUAL)
+    monkeypatch.setattr(following, "WIDER", 1)
+    for (_, springs, _, _), usual in zip(torn_at_random(MESHES["membrane"], seed=5), wanted, strict=True):
+        width = usual.bend_vertices.shape[1]
+        assert springs.acting.bend_vertices.shape[1] <= width
+        for of in ("bend_coefficients", "bend_stiffness"):
+            found, known = getattr(springs.acting, of), getattr(usual, of)
+            assert np.array_equal(found, known[:, : found.shape[1]] if known.ndim == 2 else known)
+            assert known.ndim == 1 or not known[:, found.shape[1] :].any()
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -179,26 +198,81 @@ def test_it_moves_as_one_that_is_anew_after_each_tear(kind, anew, monkeypatch):
         assert np.allclose(followed, wanted, rtol=1e-10, atol=1e-11 * np.abs(wanted).max())
 
 
+def laid_out(constraints: MeshConstraints) -> list[list[tuple[float, ...]]]:
+    """What there is of each kind, as numbers in order, each colour of which has been seen to share no vertex."""
+    springs, membrane, bends, kinds = constraints.springs, constraints.membrane, constraints.bends, []
+    nobody = len(constraints.packed) // SIDE - 1
+    if springs is not None:
+        ends = springs.ends.reshape(-1, 2, LANES).swapaxes(1, 2)
+        used = LANES * springs.starts[-1]
+        numbers = np.stack([np.reshape(of[:used], (-1, LANES)) for of in springs.stretch[:3] if of is not None], axis=2)
+        kinds.append(in_blocks(ends, numbers, springs.starts, nobody))
+    if membrane is not None:
+        vertices = membrane.vertices.reshape(-1, 4, LANES).swapaxes(1, 2)
+        numbers = membrane.numbers.reshape(-1, NUMBERS, LANES).swapaxes(1, 2)
+        kinds.append(in_blocks(vertices, numbers, membrane.starts, nobody))
+    if bends is not None:
+        found = []
+        for start, end in pairwise(bends.starts.tolist()):
+            members = bends.members[bends.first[start] : bends.first[end]]
+            assert len(np.unique(members)) == len(members)
+            for k in range(start, end):
+                own, three = slice(bends.first[k], bends.first[k + 1]), slice(3 * k, 3 * k + 3)
+                coefficients = bends.coefficients[3 * own.start : 3 * own.stop]
+                numbers = bends.mixed[k], bends.bend.stiffness[three], bends.bend.mobility[three]
+                found.append((*bends.members[own].tolist(), *np.concatenate([coefficients, *numbers]).tolist()))
+        assert not bends.bend.stiffness[3 * bends.starts[-1] :].any()
+        kinds.append(sorted(found))
+    return kinds
+
+
+def in_blocks(
+    vertices: NDArray[np.uint32], numbers: NDArray[np.floating], starts: NDArray[np.int64], nobody: int
+) -> list[tuple[float, ...]]:
+    """The same of constraints in blocks: their vertices (B, LANES, m), and numbers (B, LANES, n)."""
+    found = []
+    for start, end in pairwise(starts.tolist()):
+        met = vertices[start:end]
+        met = met[met != nobody]
+        assert len(np.unique(met)) == len(met)
+        acts = vertices[start:end, :, 0] != nobody
+        assert not numbers[start:end][~acts].any()
+        both = zip(vertices[start:end][acts].tolist(), numbers[start:end][acts].tolist(), strict=True)
+        found += [(*own, *of) for own, of in both]
+    return sorted(found)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("iterations", [1, 3])
-def test_xpbd_goes_on_in_place_to_the_bit_as_laid_out_anew(kind, iterations, monkeypatch):
-    runs = []
+def test_xpbd_follows_in_place_with_the_constraints_that_are_laid_out_anew(kind, iterations, monkeypatch):
+    solver = cape.XPBD(iterations=iterations)
     monkeypatch.setattr(assemble, "FEWEST", 40)
-    for in_place in (True, False):
-        simulation = crumpled(MESHES[kind], cape.XPBD(iterations=iterations), wind=None)
-        ranks = simulation.assembly.ranks
-        if not in_place:
-            monkeypatch.setattr(refit_mesh, "_fill", no_room)
-        chosen = []
-        for way in WAYS:
-            assert simulation.tear(way) == len(way) - 1
-            for _ in range(5):
-                simulation.step({}, 1e-3)
-            chosen.append(simulation.own_substeps(1.0))
-        assert (simulation.assembly.ranks is ranks) == in_place
-        runs.append((simulation.positions, simulation.velocities, chosen))
-    for followed, wanted in zip(*runs, strict=True):
-        assert np.array_equal(followed, wanted)
+    simulation = crumpled(MESHES[kind], solver, wind=None)
+    assembly, ranks = simulation.assembly, simulation.assembly.ranks
+    for way in WAYS:
+        assert simulation.tear(way) == len(way) - 1
+        assembly, running = simulation.assembly, simulation._started.running
+        anew = solver.init(assembly, running.state)
+        assert laid_out(running.arrays.constraints) == laid_out(anew.arrays.constraints)
+        assert simulation.own_substeps(1.0) == solver.choose_substeps(anew, 1.0)
+        simulation.step({}, 1e-3)
+    assert assembly.ranks is ranks
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_xpbd_goes_on_where_constraints_had_no_more_room(kind, monkeypatch):
+    monkeypatch.setattr(assemble, "FEWEST", 40)
+    monkeypatch.setattr(xpbd_splits, "COLOURS", 0)
+    monkeypatch.setattr(xpbd_splits, "FEW", 0)
+    monkeypatch.setattr(xpbd_splits, "MORE", 0.0)
+    simulation = crumpled(MESHES[kind], cape.XPBD(), wind=None)
+    ranks = simulation.assembly.ranks
+    for way in WAYS:
+        simulation.tear(way)
+        running = simulation._started.running
+        anew = cape.XPBD().init(simulation.assembly, running.state)
+        assert laid_out(running.arrays.constraints) == laid_out(anew.arrays.constraints)
+    assert simulation.assembly.ranks is not ranks
 
 
 def test_patches_of_xpbd_bend_as_springs_do_some_of_which_are_idle():

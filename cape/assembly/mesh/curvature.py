@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from cape.cloth.cloth import MeshCloth
 from cape.cloth.triangle_mesh import Edges
-from cape.kernels.cloth.slopes import USUAL, Flat, Patch, fit_slopes, gather
+from cape.kernels.cloth.slopes import USUAL, Flat, Patch, fit_slopes, gather, number_sides, weigh_sides
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -65,32 +65,27 @@ def curvatures(cloth: MeshCloth, unfolded: Unfolded, triangles: IntArray) -> tup
     Returns vertices (n, M) and coefficients (n, 3, M) of what is d2/du2, d2/du dv and d2/dv2 of each coordinate, filled
     up with the first vertex and zeros.
     """
-    faces, corners = cloth.faces[triangles], cloth.corners[triangles]
-    edges, of = np.unique(_first_sides(unfolded, triangles), return_inverse=True)
-    of = of.reshape(-1, 3)
-    slopes = _slopes(cloth, unfolded, edges)
-    sides = np.roll(corners, -1, axis=1) - corners
-    length = np.linalg.norm(sides, axis=2)
-    area = _doubled_areas(corners) / 2.0
-    clockwise = np.sign(area)[:, None, None]
-    along = sides / length[..., None]
-    outward = clockwise * np.stack([along[..., 1], -along[..., 0]], axis=2)
-    # A slope across is away from the first triangle of its edge.
-    away = np.where(edges[of] // 3 == triangles[:, None], 1.0, -1.0)
-    weight = (length / np.abs(area)[:, None])[..., None]
-
-    across = weight * away[..., None] * _outer(outward, outward)
-    ends = weight * _outer(outward, along) / length[..., None]
-    room = 3 * (slopes.vertices.shape[1] + 1)
-    members, rows = np.zeros((len(area), room), np.int64), np.zeros((len(area), 3, room))
-    widest = gather(*slopes, of, across, ends, faces, np.full(cloth.vertices, -1), members, rows)
+    flat = flat_of(cloth, unfolded)
+    every, of = np.zeros(3 * len(triangles), np.int64), np.zeros((len(triangles), 3), np.int64)
+    sides = every[: number_sides(flat, triangles, np.full(unfolded.neighbour.size, -1), every, of)]
+    slopes = _slopes(cloth, unfolded, sides)
+    across, ends = np.zeros((2, len(triangles), 3, 3))
+    weigh_sides(flat, triangles, sides, of, across, ends)
+    room = room_of(slopes.vertices.shape[1])
+    members, rows = np.zeros((len(triangles), room), np.int64), np.zeros((len(triangles), 3, room))
+    faces, place = flat.faces[triangles], np.full(cloth.vertices, -1)
+    widest = gather(*slopes, of, across, ends, faces, place, members, rows)
     return np.ascontiguousarray(members[:, :widest]), np.ascontiguousarray(rows[:, :, :widest])
 
 
-def _outer(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Components 11, 12 and 22 of the symmetric part of a x b."""
-    mixed = 0.5 * (a[..., 0] * b[..., 1] + a[..., 1] * b[..., 0])
-    return np.stack([a[..., 0] * b[..., 0], mixed, a[..., 1] * b[..., 1]], axis=-1)
+def flat_of(cloth: MeshCloth, unfolded: Unfolded) -> Flat:
+    """How a mesh lies, for compiled code."""
+    return Flat(np.ascontiguousarray(cloth.faces), np.ascontiguousarray(cloth.corners), *unfolded)
+
+
+def room_of(most: int) -> int:
+    """How many vertices a triangle's curvature may have whose edges' slopes have so many at most."""
+    return 3 * (most + 1)
 
 
 def _doubled_areas(corners: FloatArray) -> FloatArray:
@@ -131,19 +126,12 @@ def _swapped(a: FloatArray, b: FloatArray, same: NDArray[np.bool_]) -> tuple[Flo
 
 def _slopes(cloth: MeshCloth, unfolded: Unfolded, sides: IntArray) -> Slopes:
     """Slopes across edges, the first side of each given (E,), away from the triangle of that."""
-    faces = np.ascontiguousarray(cloth.faces)
-    flat, room = Flat(faces, np.ascontiguousarray(cloth.corners), *unfolded), ROOM
+    flat, room = flat_of(cloth, unfolded), ROOM
     while True:
         slopes = Slopes(np.zeros((len(sides), room), np.int64), np.zeros((len(sides), room)))
-        patch = Patch.room(len(faces), cloth.vertices)
+        patch = Patch.room(len(flat.faces), cloth.vertices)
         widest = int(fit_slopes(flat, patch, sides, FALL // 2, *slopes))
         if widest <= room:
             vertices, coefficients = slopes
             return Slopes(np.ascontiguousarray(vertices[:, :widest]), np.ascontiguousarray(coefficients[:, :widest]))
         room = widest
-
-
-def _first_sides(unfolded: Unfolded, triangles: IntArray) -> IntArray:
-    """The first side 3 t + c that the edge of each side of some triangles (n,) is, shape (n, 3)."""
-    own, beyond = 3 * triangles[:, None] + np.arange(3), unfolded.neighbour[triangles]
-    return np.where(beyond < 0, own, np.minimum(own, 3 * beyond + unfolded.side[triangles]))

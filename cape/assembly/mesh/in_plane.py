@@ -6,6 +6,7 @@ and what its triangles gave to that goes to their other patches: the fits of tho
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +16,11 @@ from cape.cloth.cloth import MeshCloth
 from cape.cloth.fabric import Fabric
 from cape.cloth.triangle_mesh import Edges
 from cape.kernels.cloth.fit import fit_weights
+from cape.kernels.tearing.in_plane import Fits, areas_taken, crosses_stiffness, edges_stiffness
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# An edge keeps at least this share of what it would carry if the cloth were stretched along it and nothing else held.
-LEAST_SHARE = 0.01
-# A cross spring with less than this share is left out.
-NEGLIGIBLE = 1e-3
 SWEEPS = 200  # of the fit
 RIDGE = 1e-6  # of the fit, relative: shares stiffness evenly between springs that do the same
 SHARPNESS = 1e-6  # squared relative misfit at which a patch gets half of the area it gets when it is exact
@@ -32,7 +30,7 @@ ALIKE = 1e-9  # by which the product of the tensors of springs that lie alike is
 
 @dataclass(frozen=True, eq=False)
 class InPlane:
-    """The fits of a mesh of T triangles, which may split: `part` changes them in place.
+    """The fits of a mesh of T triangles, which may split: they change in place (`kernels.tearing.mesh_springs`).
 
     Attributes:
         cloth: the mesh, of which only corners and fabric are used.
@@ -45,10 +43,13 @@ class InPlane:
         misfit: how far it is from the fabric, relative, shape (3 T,).
         length: of each side [m], shape (3 T,).
         cross_length: of the cross spring over it [m], shape (3 T,).
+        pull: the lesser stiffness of the threads of each triangle [N/m], shape (T,).
+        alone: what sides of triangles without neighbours carry [N m], where that is known, shape (T, 3).
     """
 
     cloth: MeshCloth
     area: FloatArray
+    pull: FloatArray
     mate: IntArray
     weight: FloatArray
     cross: FloatArray
@@ -56,37 +57,32 @@ class InPlane:
     misfit: FloatArray
     length: FloatArray
     cross_length: FloatArray
-
-    def part(self, sides: IntArray) -> None:
-        """Let edges be borders, both sides of each given (n,)."""
-        self.mate[sides] = sides
-        self.weight[sides], self.cross[sides], self.trust[sides] = 0.0, 0.0, 0.0
+    alone: FloatArray
 
     def edge_lengths(self, sides: IntArray) -> FloatArray:
         """Rest lengths of the edges that some sides (n,) are [m], shape (n,)."""
         return 0.5 * (self.length[sides] + self.length[self.mate[sides]])
 
+    @property
+    def fits(self) -> Fits:
+        """The same for compiled code, which sees what becomes of it."""
+        return Fits(**{name: getattr(self, name) for name in Fits._fields})
+
     def edge_stiffness(self, sides: IntArray) -> FloatArray:
         """Stiffness of the edges that some sides (n,) are [N/m], shape (n,)."""
-        both = np.stack([sides, self.mate[sides]])
-        there = np.stack([np.ones(len(sides), bool), both[1] != sides])
-        before = np.stack([sides, *(corner(both, 3 - step)[k] for k in range(2) for step in (1, 2))])
-        taken = self._taken(before.ravel()).reshape(before.shape)
-        alone = self._carried_alone(both.ravel()).reshape(both.shape)
-        carried = taken[0] * self.weight[sides, 0]
-        for k in range(2):
-            for step in (1, 2):
-                place = 2 * k + step
-                carried += there[k] * taken[place] * self.weight[before[place], step]
-            carried += there[k] * alone[k]
-        least = LEAST_SHARE * self._stretched_along(sides)
-        return np.maximum(carried, least) / self.edge_lengths(sides) ** 2
+        self.fit_alone(np.unique(np.concatenate([sides, self.mate[sides]]) // 3))
+        return self._of_sides(edges_stiffness, sides)
 
     def cross_stiffness(self, sides: IntArray) -> FloatArray:
         """Stiffness of the cross springs over the edges that some sides (n,) are [N/m], shape (n,); 0 for none."""
-        carried = self._taken(sides) * self.cross[sides]
-        slight = carried < NEGLIGIBLE * self._stretched_along(sides)
-        return np.where(slight, 0.0, carried) / self.cross_length[sides] ** 2
+        return self._of_sides(crosses_stiffness, sides)
+
+    def fit_alone(self, triangles: IntArray) -> None:
+        """Know what sides of triangles without neighbours carry, which have no patches, if some (n,) are such."""
+        own = 3 * triangles[:, None] + np.arange(3)
+        alone = triangles[(self.mate[own] == own).all(axis=1)]
+        if len(alone):
+            self.alone[alone] = self._fit_alone(alone)[0] * self.area[alone, None]
 
     def missed(self) -> float:
         """Root mean square of how far patches are from the fabric, by area; of several fabrics that which is worst."""
@@ -98,35 +94,17 @@ class InPlane:
         of = np.zeros(len(self.area), np.int64) if patches is None else patches.number
         for number in range(len(fabrics_of(self.cloth))):
             own, by_itself = first[of[first // 3] == number], of[alone] == number
-            total = self._taken(own) @ self.misfit[own] ** 2 + self.area[alone[by_itself]] @ misfit[by_itself] ** 2
+            total = (
+                self._of_sides(areas_taken, own) @ self.misfit[own] ** 2
+                + self.area[alone[by_itself]] @ misfit[by_itself] ** 2
+            )
             worst = max(worst, float((total / self.area[of == number].sum()) ** 0.5))
         return worst
 
-    def _taken(self, sides: IntArray) -> FloatArray:
-        """Area that the patches of edges get of their two triangles [m2], shape (n,); 0 at borders."""
-        taken = np.zeros(len(sides))
-        for own in (sides, self.mate[sides]):
-            triangle = own // 3
-            total = self.trust.reshape(-1, 3)[triangle].sum(axis=1)
-            taken += self.trust[sides] * self.area[triangle] / np.where(total > 0.0, total, 1.0)
-        return taken
-
-    def _stretched_along(self, sides: IntArray) -> FloatArray:
-        """The lesser stiffness of threads times a third of the area beside edges [N m], shape (n,)."""
-        mate = self.mate[sides]
-        around = self.area[sides // 3] / 3.0 + np.where(mate == sides, 0.0, self.area[mate // 3] / 3.0)
-        return of_triangles(self.cloth, lambda f: min(f.stretch_warp, f.stretch_weft), sides // 3) * around
-
-    def _carried_alone(self, sides: IntArray) -> FloatArray:
-        """What sides carry of triangles without neighbours, which have no patches [N m], shape (n,)."""
-        triangles, of = np.unique(sides // 3, return_inverse=True)
-        own = 3 * triangles[:, None] + np.arange(3)
-        alone = np.flatnonzero((self.mate[own] == own).all(axis=1))
-        carried = np.zeros((len(triangles), 3))
-        if len(alone):
-            weight, _ = self._fit_alone(triangles[alone])
-            carried[alone] = weight * self.area[triangles[alone], None]
-        return carried[of, sides % 3]
+    def _of_sides(self, kind: Any, sides: IntArray) -> FloatArray:
+        found = np.zeros(len(sides))
+        kind(self.fits, sides, found)
+        return found
 
     def _fit_alone(self, triangles: IntArray) -> tuple[FloatArray, FloatArray]:
         corners = self.cloth.corners[triangles]
@@ -165,7 +143,9 @@ def fit_in_plane(cloth: MeshCloth, edges: Edges, area: FloatArray) -> InPlane:
         cross[own], trust[own], misfit[own] = fitted[:, 5], relied, missing
         cross_length[own] = np.linalg.norm(crossing, axis=2).mean(axis=1)
     length = np.linalg.norm(sides, axis=1)
-    return InPlane(cloth, area, mate, weight, cross, trust, misfit, length, cross_length)
+    pull = np.broadcast_to(of_triangles(cloth, lambda f: min(f.stretch_warp, f.stretch_weft)), area.shape).copy()
+    alone = np.full((len(area), 3), np.nan)
+    return InPlane(cloth, area, pull, mate, weight, cross, trust, misfit, length, cross_length, alone)
 
 
 def _fit_to_fabrics(cloth: MeshCloth, tensors: FloatArray, triangles: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -8,7 +8,6 @@ between springs and a membrane, which was made for the whole mesh.
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +15,8 @@ from numpy.typing import NDArray
 from cape.assembly.fabrics import fabrics_of
 from cape.assembly.membrane import membrane_of
 from cape.assembly.mesh.curvature import Unfolded, unfold
+from cape.assembly.mesh.following import Changed, Following
 from cape.assembly.mesh.in_plane import InPlane, corner, fit_in_plane
-from cape.assembly.mesh.links import bent_at
 from cape.assembly.mesh.springs import MISSED, bends_of, layered_area
 from cape.assembly.springs import Springs
 from cape.cloth.cloth import MeshCloth
@@ -40,6 +39,7 @@ class SplitMeshSprings(Springs):
         unfolded: how triangles lie beside each other.
         along: which sides lie along threads, shape (3 T,).
         over: slots of the cross springs over the edges that sides are, -1 for none, shape (3 T,).
+        following: has them follow the mesh.
     """
 
     faces: IntArray
@@ -47,6 +47,7 @@ class SplitMeshSprings(Springs):
     unfolded: Unfolded
     along: NDArray[np.bool_]
     over: IntArray
+    following: Following
 
     @property
     def in_slots(self) -> bool:
@@ -88,22 +89,6 @@ class ActingSprings(Springs):
     slots: SplitMeshSprings
 
 
-class Changed(NamedTuple):
-    """What has changed where edges have parted.
-
-    `triangles` (t,) have other corners, `parted` (p,) are the sides of edges that have parted, `slots` (s,) those of
-    springs that may have changed, `bent` (b,) triangles that bend otherwise, `rows` (r,) the vertices that these do or
-    did lead to. `released` is by how much less energy is stored [J].
-    """
-
-    triangles: IntArray
-    parted: IntArray
-    slots: IntArray
-    bent: IntArray
-    rows: IntArray
-    released: float
-
-
 def split_mesh_springs(cloth: SplitMesh) -> SplitMeshSprings:
     """Derive the springs of a mesh that may split, whole as yet or not."""
     edges, area = edges_of(cloth.faces), layered_area(cloth)
@@ -138,6 +123,7 @@ def split_mesh_springs(cloth: SplitMesh) -> SplitMeshSprings:
         unfolded=unfolded,
         along=along,
         over=over,
+        following=Following(),
     )
 
 
@@ -148,95 +134,12 @@ def follow_split(
 
     `positions` (N, 3) [m] are those of its vertices, new ones where those are that they are copies of.
     """
-    f, faces = springs.fitted, springs.faces
-    triangles = np.flatnonzero((faces != cloth.faces).any(axis=1))
-    moved = sides_of(triangles)
-    within = moved[f.mate[moved] != moved]
-    parted = within[(_ends(cloth.faces, within) != _ends(cloth.faces, f.mate[within])).any(axis=1)]
-    parted = np.unique(np.concatenate([parted, f.mate[parted]]))
-    near = np.unique(parted // 3)
-    around = np.unique(np.concatenate([near, f.mate[sides_of(near)] // 3]))
-    beside = sides_of(around)
-    known = np.concatenate([np.minimum(moved, f.mate[moved]), np.minimum(beside, f.mate[beside]), parted])
-    over = springs.over[np.concatenate([moved, beside])]
-    slots = np.unique(np.concatenate([known, over[over >= 0]]))
-    bent = _bent(springs, copied, np.concatenate([around, triangles]), cloth.vertices)
-    rows = [springs.bend_vertices.reshape(len(springs.bend_vertices) // 3, -1)[bent] if len(bent) else bent]
-    stored = _stored(springs, slots, bent, near, positions)
-
-    faces[triangles] = cloth.faces[triangles]
-    gone = springs.over[parted]
-    gone = gone[gone >= 0]
-    springs.stiffness[gone], springs.second[gone], springs.over[parted] = 0.0, springs.first[gone], -1
-    f.part(parted)
-    springs.unfolded.neighbour[parted // 3, parted % 3] = -1
-    springs.measured[parted] = springs.along[parted]
-    springs.first[moved], springs.second[moved] = _ends(faces, moved).T
-    crossed = moved[springs.over[moved] >= 0]
-    springs.first[springs.over[crossed]], springs.second[springs.over[crossed]] = _crossing(faces, f, crossed).T
-    edges = np.unique(np.minimum(beside, f.mate[beside]))
-    stiffness = springs.stiffness if springs.nearest is None else springs.nearest
-    stiffness[edges], springs.rest[edges] = f.edge_stiffness(edges), f.edge_lengths(edges)
-    crossed = sides_of(near)
-    crossed = crossed[springs.over[crossed] >= 0]
-    springs.stiffness[springs.over[crossed]] = f.cross_stiffness(crossed)
-    membrane = springs.membrane
-    if membrane is not None:
-        membrane.faces[triangles] = faces[triangles]
-        t, c = parted // 3, parted % 3
-        membrane.neighbours[t, c], membrane.share[t, c] = t, 0.0
-        membrane.own[near] = 1.0 - membrane.share[near].sum(axis=1)
-    springs = replace(springs)
-    if len(bent):
-        springs = _bend_anew(springs, cloth, bent)
-        rows.append(springs.bend_vertices.reshape(len(springs.bend_vertices) // 3, -1)[bent])
-    released = stored - _stored(springs, slots, bent, near, positions)
-    unique_rows = np.unique(np.concatenate([each.ravel() for each in rows]))
-    return springs, Changed(triangles, parted, slots, bent, unique_rows, released)
+    return springs.following.follow(springs, cloth, copied, positions)
 
 
 def sides_of(triangles: IntArray) -> IntArray:
     """The sides of some triangles (n,), shape (3 n,)."""
     return (3 * triangles[:, None] + np.arange(3)).ravel()
-
-
-def _bent(springs: SplitMeshSprings, copied: IntArray, known: IntArray, vertices: int) -> IntArray:
-    """Triangles whose bends lead to vertices that have split, with those that are known; none without bends."""
-    if not len(springs.bend_stiffness):
-        return np.zeros(0, np.int64)
-    split = np.zeros(vertices, bool)
-    split[copied] = True
-    return np.unique(np.concatenate([bent_at(springs, split), known]))
-
-
-def _bend_anew(springs: SplitMeshSprings, cloth: SplitMesh, bent: IntArray) -> SplitMeshSprings:
-    """Springs with the bends of some triangles (b,) derived anew."""
-    bends, rows = bends_of(cloth, springs.unfolded, springs.fitted.area, bent), sides_of(bent)
-    missing = bends.vertices.shape[1] - springs.bend_vertices.shape[1]
-    if missing > 0:
-        springs = replace(
-            springs,
-            bend_vertices=np.pad(springs.bend_vertices, ((0, 0), (0, missing)), mode="edge"),
-            bend_coefficients=np.pad(springs.bend_coefficients, ((0, 0), (0, missing))),
-        )
-    springs.bend_vertices[rows], springs.bend_coefficients[rows] = bends.vertices[:, :1], 0.0
-    width = bends.vertices.shape[1]
-    springs.bend_vertices[rows, :width], springs.bend_coefficients[rows, :width] = bends.vertices, bends.coefficients
-    springs.bend_stiffness[rows] = bends.stiffness
-    return springs
-
-
-def _stored(springs: SplitMeshSprings, slots: IntArray, bent: IntArray, near: IntArray, positions: FloatArray) -> float:
-    """Energy of some springs (s,), of bends of triangles (b,), and of a membrane at triangles (t,) [J]."""
-    lengths = np.linalg.norm(positions[springs.second[slots]] - positions[springs.first[slots]], axis=1)
-    energy = 0.5 * float(springs.stiffness[slots] @ (lengths - springs.rest[slots]) ** 2)
-    if springs.membrane is not None:
-        energy += springs.membrane.energy(positions, near)
-    if not len(bent):
-        return energy
-    rows = sides_of(bent)
-    bends = np.einsum("km,kmc->kc", springs.bend_coefficients[rows], positions[springs.bend_vertices[rows]])
-    return energy + 0.5 * float(springs.bend_stiffness[rows] @ np.sum(bends**2, axis=1))
 
 
 def _ends(faces: IntArray, sides: IntArray) -> IntArray:

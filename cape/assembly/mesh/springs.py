@@ -34,12 +34,12 @@ from cape.assembly.springs import Springs
 from cape.cloth.cloth import MeshCloth, areas
 from cape.cloth.fabric import Fabric
 from cape.cloth.triangle_mesh import edges_of
+from cape.kernels.tearing.mesh_bends import NOTHING
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MISSED = 0.01  # of the fabric's stiffness, from which on springs are no longer as good as a membrane
-NOTHING = 1e-9  # size of a curvature's coefficients, times the area, below which they are rounding
 
 
 class Bends(NamedTuple):
@@ -99,14 +99,14 @@ def bends_of(cloth: MeshCloth, unfolded: Unfolded, area: FloatArray, triangles: 
     """
     vertices, coefficients = curvatures(cloth, unfolded, triangles)
     area = area[triangles]
-    stiffness = (area[:, None] * of_triangles(cloth, _plate, triangles)).ravel()
+    stiffness = (area[:, None] * of_triangles(cloth, plate_of, triangles)).ravel()
     coefficients = coefficients.reshape(len(stiffness), -1)
     # What is left of curvatures that no vertices tell is rounding.
     size = np.abs(coefficients).sum(axis=1) * np.repeat(area, 3)
     return Bends(np.repeat(vertices, 3, axis=0), coefficients, np.where(size > NOTHING, stiffness, 0.0))
 
 
-def _plate(fabric: Fabric) -> list[float]:
+def plate_of(fabric: Fabric) -> list[float]:
     """Bending stiffness [N m] of curvatures along the weft, of twist, and along the warp."""
     warp, weft = fabric.bend_warp, fabric.bend_weft
     return [weft, 2.0 * sqrt(weft * warp), warp]

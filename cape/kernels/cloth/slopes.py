@@ -309,6 +309,57 @@ def set_basis(basis, x, y):
 
 
 @routine
+def number_sides(flat, triangles, place, sides, of):
+    """Number the edges of some triangles (n,), each once, by the first of the sides that it is.
+
+    Filled are `sides` (3 n,), and for each side of the triangles its place in that, `of` (n, 3); `place` (3 T,) is
+    room, -1. Returns how many edges there are.
+    """
+    count = 0
+    for i in range(triangles.size):
+        for k in range(3):
+            t = triangles[i]
+            beyond, side = flat.neighbour[t, k], 3 * t + k
+            if beyond >= 0:
+                side = min(side, 3 * beyond + flat.side[t, k])
+            if place[side] < 0:
+                place[side] = count
+                sides[count] = side
+                count += 1
+            of[i, k] = place[side]
+    for e in range(count):
+        place[sides[e]] = -1
+    return count
+
+
+@routine
+def weigh_sides(flat, triangles, sides, of, across, ends):
+    """Set what the curvatures of some triangles (n,), along weft, of twist and along warp, are made of by side.
+
+    `across` (n, 3, 3) of the slope across the edge of each side, `of` of which there are in `sides` as `number_sides`
+    gives them; `ends` (n, 3, 3) of how much further up the side's end is than its start.
+    """
+    for i in range(triangles.size):
+        corners = flat.corners[triangles[i]]
+        px, py = corners[1, 0] - corners[0, 0], corners[1, 1] - corners[0, 1]
+        qx, qy = corners[2, 0] - corners[0, 0], corners[2, 1] - corners[0, 1]
+        area = (px * qy - py * qx) / 2.0
+        clockwise = 1.0 if area > 0.0 else -1.0
+        for k in range(3):
+            x, y = corners[(k + 1) % 3, 0] - corners[k, 0], corners[(k + 1) % 3, 1] - corners[k, 1]
+            length = math.sqrt(x * x + y * y)
+            u, v = x / length, y / length
+            m, n = clockwise * v, clockwise * -u
+            weight = length / abs(area)
+            # A slope across is away from the first triangle of its edge.
+            away = weight * (1.0 if sides[of[i, k]] // 3 == triangles[i] else -1.0)
+            across[i, k, 0], across[i, k, 1], across[i, k, 2] = away * (m * m), away * (m * n), away * (n * n)
+            ends[i, k, 0] = weight * (m * u) / length
+            ends[i, k, 1] = weight * (0.5 * (m * v + n * u)) / length
+            ends[i, k, 2] = weight * (n * v) / length
+
+
+@routine
 def gather(vertices, coefficients, edges, across, ends, faces, place, members, rows):
     """Sum up by vertex what curvatures of triangles are made of; returns how many vertices the widest has.
 

@@ -16,44 +16,52 @@ from cape.cloth.split_mesh import SplitMesh
 from cape.kernels.calling import Bound
 from cape.kernels.self_contact.self_contact import Layers
 from cape.kernels.store import Request
-from cape.kernels.tearing.patches import Listed, list_by_patch, renumber
+from cape.kernels.tearing.patches import Listed, Relisted, relist
 
 IntArray = NDArray[np.int64]
 
 
-def split_layers(layers: Layers, cloth: Cloth) -> bool:
-    """Follow a cloth that has split; False, with nothing changed, where there is no room, where it has no spare
-    vertices, or where its patches are not those of the whole cloth."""
-    if not isinstance(cloth, SplitGrid | SplitMesh):
-        return False
-    patches, (order, whole) = layers.patches, patch_order(cloth.whole)
-    if not np.array_equal(cloth.parents[patches.triangles], whole):
-        return False
-    triangles, listed = np.ascontiguousarray(cloth.triangles[order].T.astype(np.uint32)), _room(layers)
-    most = list_by_patch(triangles, patches.triangle_start, listed)
-    if not 0 <= most < layers.sight.picked.shape[1]:
-        return False
-    edges, vertices = int(listed.edge_start[-1]), int(listed.vertex_start[-1])
-    renumber(layers.edges, patches.edges, listed)
-    patches.triangles[:] = triangles
-    patches.edges[:, :edges] = np.divmod(listed.edges[:edges], cloth.vertices)
-    patches.edge_start[:], patches.vertex_start[:] = listed.edge_start, listed.vertex_start
-    patches.vertices[:vertices] = listed.vertices[:vertices]
-    patches.rest[:, : cloth.in_use] = patches.rest[:, cloth.parents]
-    layers.sight.places[:] = np.nan  # so that pairs are searched for
-    return True
+class SplitLayers:
+    """Has what keeps one cloth off itself follow; what that asks for is made once for the same lists of pairs."""
 
+    def __init__(self, layers: Layers | None, cloth: Cloth) -> None:
+        """Make it ahead, so that no frame takes the time."""
+        self._known: Layers | None = None
+        self._relist: Bound | None = None
+        if layers is not None:
+            self._bind(layers, cloth)
 
-def requests(layers: Layers | None) -> list[Request]:
-    """The code that `split_layers` needs, to be compiled together with other code."""
-    if layers is None:
-        return []
-    patches, listed = layers.patches, _room(layers)
-    calls = (
-        Bound(list_by_patch, patches.triangles, patches.triangle_start, listed),
-        Bound(renumber, layers.edges, patches.edges, listed),
-    )
-    return [call.request for call in calls]
+    def follow(self, layers: Layers, cloth: Cloth) -> bool:
+        """Follow a cloth that has split; False, with nothing changed, where there is no room, where it has no spare
+        vertices, or where its patches are not those of the whole cloth."""
+        self._bind(layers, cloth)
+        if self._relist is None or not isinstance(cloth, SplitGrid | SplitMesh):
+            return False
+        self._triangles[:] = cloth.triangles[self._order].T
+        if not self._relist():
+            return False
+        patches = layers.patches
+        patches.rest[:, : cloth.in_use] = patches.rest[:, cloth.parents]
+        layers.sight.places[:] = np.nan  # so that pairs are searched for
+        return True
+
+    @property
+    def requests(self) -> list[Request]:
+        """The code that `follow` needs, to be compiled together with other code."""
+        return [] if self._relist is None else [self._relist.request]
+
+    def _bind(self, layers: Layers, cloth: Cloth) -> None:
+        if self._known is layers:
+            return
+        self._known, self._relist, patches = layers, None, layers.patches
+        if not isinstance(cloth, SplitGrid | SplitMesh):
+            return
+        self._order, whole = patch_order(cloth.whole)
+        # Whatever has split, corners are copies of those of the whole.
+        if np.array_equal(cloth.parents[patches.triangles], whole):
+            self._triangles = patches.triangles.copy()
+            group = Relisted(self._triangles, patches, layers.edges, _room(layers))
+            self._relist = Bound(relist, group, layers.sight.picked.shape[1])
 
 
 def _room(layers: Layers) -> Listed:

@@ -23,7 +23,7 @@ from cape.forces.strays import Strays, StraysInAir, fill_air, fill_springs
 from cape.forces.viscous_air import ViscousAir
 from cape.kernels.state import State
 from cape.run.hanging import Hanging
-from cape.run.tearing.layers import split_layers
+from cape.run.tearing.layers import SplitLayers
 from cape.run.tearing.sheet import Sheet
 from cape.run.tearing.tethers import let_go
 
@@ -62,10 +62,10 @@ def refit(cloth: Hanging, sheet: Sheet, copies: IntArray) -> float:
     return changed.energy(np.stack(cloth.state[:3], axis=1).astype(float))
 
 
-def look_at_layers(cloth: Hanging) -> None:
+def look_at_layers(cloth: Hanging, layers: SplitLayers) -> None:
     """Have contact of a cloth with itself know what has split."""
     assembly, known = cloth.assembly, cloth.assembly.layers
-    if known is None or split_layers(known, assembly.cloth):
+    if known is None or layers.follow(known, assembly.cloth):
         return
     found = layers_of(assembly.scene, assembly.cloth, alarm=known.alarm, spreads=known.spreads)
     assert found is not None

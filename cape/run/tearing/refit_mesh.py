@@ -19,6 +19,7 @@ from cape.cloth.split_mesh import SplitMesh
 from cape.forces.air import Air
 from cape.forces.elastic import Elastic
 from cape.kernels.state import State
+from cape.kernels.store import Request
 from cape.run.hanging import Hanging
 from cape.run.tearing.refit import go_on_in, move_faces, weigh, write_masses
 from cape.run.tearing.sheet import Sheet
@@ -60,6 +61,15 @@ def refit_mesh(cloth: Hanging, sheet: Sheet, copies: IntArray) -> float:
     write_masses(cloth.running.arrays, assembly)
     let_go(assembly)
     return changed.released
+
+
+def following(cloth: Hanging) -> list[Request]:
+    """The code that `refit_mesh` needs whatever the solver, to be compiled together with other code."""
+    mesh, springs = cloth.assembly.cloth, cloth.assembly.springs
+    slots = springs.slots if isinstance(springs, ActingSprings) else springs
+    if not isinstance(mesh, SplitMesh) or not isinstance(slots, SplitMeshSprings):
+        return []
+    return slots.following.requests(slots, mesh)
 
 
 def _fill(forces: Any, springs: SplitMeshSprings, changed: Changed) -> None:

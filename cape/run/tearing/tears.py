@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cape.cloth.split_grid import SplitGrid
-from cape.cloth.split_mesh import SplitMesh
 from cape.kernels.state import State
 from cape.kernels.store import Request
 from cape.run.hanging import Hanging
-from cape.run.tearing import layers, tethers
+from cape.run.tearing import tethers
 from cape.run.tearing.cracks import parting
+from cape.run.tearing.layers import SplitLayers
 from cape.run.tearing.loads import Loads, Scale
 from cape.run.tearing.refit import look_at_layers, refit
-from cape.run.tearing.refit_mesh import refit_mesh
+from cape.run.tearing.refit_mesh import following, refit_mesh
 from cape.run.tearing.sheet import Edge, Sheet
 from cape.run.tearing.sheets import sheet_of, triangles_of
 from motions.errors import ValueRangeError
@@ -52,9 +52,8 @@ class Tears:
         self._scale = Scale(self._cloth, scene.tearing)
         self._wary, self._layers_known = False, True
         self._shown: State | None = None  # where the vertices are, as the sheet numbers them
-        split = cloth.assembly.cloth
-        if cloth.assembly.layers is not None and isinstance(split, SplitGrid | SplitMesh):
-            layers.patch_order(split.whole)  # which is remembered, so that no frame takes the time
+        self._layers = SplitLayers(cloth.assembly.layers, cloth.assembly.cloth)
+        self._following = following(cloth)
 
     def keep(self, vertex: int, *, whole: bool) -> None:
         """Have a vertex never split while a hand holds it, or let it."""
@@ -106,8 +105,8 @@ class Tears:
     def requests(self, cloth: Hanging) -> list[Request]:
         """The code that a run needs besides that of the cloth."""
         own = self._scale.requests(self.sheet, cloth.state)
-        found = tethers.requests(cloth.assembly) + layers.requests(cloth.assembly.layers)
-        return [*own, *found, *cloth.follow_requests]
+        found = tethers.requests(cloth.assembly) + self._layers.requests
+        return [*own, *found, *self._following, *cloth.follow_requests]
 
     def part(self, cloth: Hanging, vertices: ArrayLike) -> int:
         """Part the edges from each of some vertices to the next, shape (n,); gives how many have parted.
@@ -123,7 +122,7 @@ class Tears:
     def end_frame(self, cloth: Hanging) -> None:
         """Have contact of the cloth with itself know of edges that have parted."""
         if not self._layers_known:
-            look_at_layers(cloth)
+            look_at_layers(cloth, self._layers)
         self._layers_known = True
 
     def _go_on(self, cloth: Hanging, sheet: Sheet, copies: IntArray) -> None:
