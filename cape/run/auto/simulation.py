@@ -2,26 +2,29 @@
 
 Solver and steps begin with what a hanging cloth tells (`choice`, `sagging`). Where the poses to come are known
 (`AutoSimulation.expect`) and nothing touches the cloth, companions of the run tell the error of the whole (`course`).
-Otherwise part after part of the motion is compared with the same part in half as many steps, unless errors so far tell
-that it hardly misses what is allowed (`prediction`). Where poses are known that is done before a part's first frame is
-handed on, and the part is taken again in shorter steps where it misses. In a loop that tells one pose at a time it can
-only be done afterwards, for what follows; and before the first frame, as if the bones moved on as they begin to.
+Otherwise part after part of the motion is taken, and compared with the same part in fewer steps, unless errors so far
+and what has shaken the cloth in it tell that it hardly misses what is allowed (`prediction`). Where poses are known,
+that is done before a part's first frame is handed on, and a part that misses is taken again in shorter steps. In a loop
+that tells one pose at a time it can only be done afterwards, for what follows; and before the first frame, as if the
+bones moved on as they begin to.
 """
 
 import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cape.assembly.chains import chain_of
 from cape.results.take import StepError
-from cape.run.auto.ahead import Ahead, Coming, Part, is_as_long, onwards
+from cape.run.auto.ahead import Ahead, Coming, is_as_long, onwards
 from cape.run.auto.budget import Budget
-from cape.run.auto.choice import AIM, FRAME, MOST_CHANGE, TOLERANCE, Auto, Choice
+from cape.run.auto.choice import AIM, AIM_IN_CONTACT, DEARER, FRAME, FRAME_COST, MOST_CHANGE, TOLERANCE, Auto, Choice
 from cape.run.auto.course import Course
+from cape.run.auto.part import Part
 from cape.run.auto.prediction import Prediction
 from cape.run.auto.sagging import Sagging
 from cape.run.simulation import DEFAULT_CUTS, Simulation
@@ -35,7 +38,15 @@ from motions.border import checked_first
 from motions.errors import ValueRangeError
 
 TRIES = 6  # of a part, at most
-COMPARED = 1.5  # times as long as a part alone takes one that is compared with half as many steps
+APART = math.sqrt(2.0)  # times as long steps, at least, that tell of an error: from a smaller difference it is guessed
+
+
+class _End(NamedTuple):
+    """Where a part has ended [m], (V, 3), in steps of a length of a solver."""
+
+    solver: str
+    length: float
+    positions: NDArray[np.float64]
 
 
 @checked_first
@@ -201,10 +212,9 @@ class AutoSimulation(Simulation):
             self._rest = self._ahead.part(0.0)[0].dt
         elif free:
             self._ahead.taken.extend(self._begin_course(frames))
-        elif self._plan():
-            self._ahead.taken.extend(self._try_part(frames))
         else:
-            self._rest = sum(coming.dt for coming in frames)
+            self._plan()
+            self._ahead.taken.extend(self._try_part(frames))
         super().go_back(start)
 
     def _until_jump(self, frames: list[Coming]) -> list[Coming]:
@@ -228,20 +238,21 @@ class AutoSimulation(Simulation):
 
     def _step_and_look(self, coming: Coming) -> None:
         """Take a frame of which none is known beforehand; at the end of a part, learn for what is to come."""
-        window = window_of(self.scene)
-        if self._open is None and self._rest < 1e-9:
-            if self._plan():
-                self._open = Part(self.snapshot(), [])
-            self._rest = window
+        if self._open is None:
+            self._plan()
+            self._open = Part(self.mark())
         jumps = self.jumps
         self._take(coming)
         if self.jumps != jumps:
-            self._open, self._rest = None, 0.0
-        if self._open is not None:
-            self._open.frames.append((coming, self.substeps))
-            if self._open.seconds > window - 1e-9:
-                self._learn(self._compare(self._open))
-                self._open, self._rest = None, 0.0
+            self._open = None
+            return
+        self._open.note(coming, self.substeps, self._started.state[3:])
+        if self._open.seconds > window_of(self.scene) - 1e-9:
+            if self._is_sure(self._open):
+                self._prediction.pass_over(self._open.jolt)
+            else:
+                self._learn(self._compare(self._open), self._open)
+            self._open = None
 
     def _rehearse(self, pose: Pose, dt: float) -> None:
         """Find out which steps suit if the bones move on as they begin to, before the first frame is handed on."""
@@ -291,27 +302,42 @@ class AutoSimulation(Simulation):
         span = sum(coming.dt for coming in course.frames)
         self.errors.append(StepError(self._time, course.error, self.solver.name, self.substeps, span))
 
-    def _plan(self) -> bool:
-        """Choose steps for the next part; tell whether it is to be compared with half as many.
+    def _plan(self) -> None:
+        """Choose steps for the next part, which is likely to be shaken as the last one was.
 
-        That is so where it takes less time than steps so short that the part will hardly miss what is allowed.
+        They are so short that it will hardly miss what is allowed, where that takes less time than to compare it.
         """
         choice, known, solver = self._choice, self._prediction, self._choice.solver.name
         if not known.empty:
-            wanted = choice.length_of(AIM * self.tolerance / known.likely)
+            wanted = choice.length_of(AIM_IN_CONTACT * self.tolerance / known.likely)
             choice.take(min(wanted, MOST_CHANGE * choice.length))
-            sure = choice.length_of(self.tolerance / known.bound)
-            compared = min(choice.length, 0.5) if choice.explodes_at_double else choice.length
-            if choice.within(sure) <= sure and COMPARED * choice.within(sure) >= compared:
+            sure = choice.length_of(self.tolerance / (known.rise * known.bound()))
+            if choice.within(sure) <= sure and self._cost(choice.within(sure)) <= self._cost_compared():
                 choice.take(sure)
                 if choice.solver.name == solver:
-                    known.pass_over()
-                    return False
+                    return
         if choice.solver.name != solver:
             self._prediction = Prediction()  # the errors of the one tell nothing of those of the other
         if choice.explodes_at_double:
-            choice.take(0.5)
-        return True
+            choice.take(min(choice.length, 1.0 / APART))
+
+    def _cost(self, length: float) -> float:
+        """What a frame in steps of a length takes, in steps of the solver that is chosen."""
+        choice, rest = self._choice, FRAME_COST / self.scene.cloth.vertices
+        steps = choice.steps(length)
+        return steps + (DEARER * rest if isinstance(choice.solver, SymplecticEuler) else rest)
+
+    def _cost_compared(self) -> float:
+        """What it takes together with the one that it is compared with."""
+        choice = self._choice
+        if choice.explodes_at_double:
+            return self._cost(min(choice.length, 1.0 / APART)) + self._cost(1.0)
+        return self._cost(choice.length) + self._cost(2.0 * choice.length)
+
+    def _is_sure(self, part: Part) -> bool:
+        """Tell whether a part hardly misses what is allowed, by what is known of others."""
+        choice, known = self._choice, self._prediction
+        return not known.empty and known.bound(part.jolt) * choice.size(choice.length) <= self.tolerance
 
     def _try_part(self, frames: list[Coming]) -> list[Mark]:
         """Take frames from here, again in shorter steps where they miss what is allowed; the good ones of those taken.
@@ -319,14 +345,15 @@ class AutoSimulation(Simulation):
         Raises:
             Diverged: the first of them explodes.
         """
-        start, time, taken = self.mark(), self._time, []
+        choice, start, time, taken = self._choice, self.mark(), self._time, []
+        other: _End | None = None
         for attempt in range(TRIES):
-            part, taken, jumps = Part(self.snapshot(), []), [], self.jumps
+            part, taken, jumps = Part(start), [], self.jumps
             self._time = time
             try:
                 for coming in frames:
                     self._take(coming)
-                    part.frames.append((coming, self.substeps))
+                    part.note(coming, self.substeps, self._started.state[3:])
                     taken.append(self.mark())
             except Diverged:
                 if not taken:
@@ -334,38 +361,61 @@ class AutoSimulation(Simulation):
                 break
             if self.jumps != jumps:
                 break
-            error = self._compare(part)
-            if error.rms <= self.tolerance or attempt == TRIES - 1:
-                self._learn(error)
+            if other is None and self._is_sure(part):
+                self._prediction.pass_over(part.jolt)
                 break
-            if not self._choice.scale(AIM * self.tolerance / error.rms):
-                self._learn(error)
-                break
+            end = _End(choice.solver.name, choice.length, self.positions)
+            if other is None and choice.explodes_at_double and choice.length * APART > 1.0 + 1e-9:
+                choice.take(0.5 * choice.length)
+            else:
+                error = self._compare(part, other)
+                fits = error.rms <= self.tolerance or attempt == TRIES - 1
+                if fits or not choice.scale(AIM_IN_CONTACT * self.tolerance / error.rms):
+                    self._learn(error, part)
+                    break
+            other = end
             super().go_back(start)
         self._rest = 0.0
         return taken
 
-    def _learn(self, error: StepError) -> None:
+    def _learn(self, error: StepError, part: Part) -> None:
         """Keep the error of a part that was compared, for what follows."""
         self.errors.append(error)
         if math.isfinite(error.rms):
-            self._prediction.note(error.rms / self._choice.size(self._choice.length))
+            self._prediction.note(error.rms / self._choice.size(self._choice.length), part.jolt)
+        else:
+            self._prediction.pass_over(part.jolt)
 
-    def _compare(self, part: Part) -> StepError:
-        """The error that the run has gathered in a part that it has just ended, by half as many steps, or twice."""
-        solver, choice, here, rms = self.solver, self._choice, self.positions, math.inf
-        growth = choice.size(2.0 * choice.length) / choice.size(choice.length)
-        twice = choice.explodes_at_double or min(substeps for _, substeps in part.frames) < 2
+    def _compare(self, part: Part, other: _End | None = None) -> StepError:
+        """The error that the run has gathered in a part that it has just ended, by where it ends in other steps.
+
+        Where none are given that tell of it, it is taken in fewer steps, or in more where fewer would be unstable.
+        """
+        solver, choice, rms = self.solver, self._choice, math.inf
+        if other is None or other.solver != solver.name or not other.length > (1.0 - 1e-9) * APART * choice.length:
+            other = self._other_end(part)
+        growth = choice.size(other.length) / choice.size(choice.length)
+        if np.isfinite(other.positions[0, 0]):
+            rms = distance(other.positions, self.positions) / abs(growth - 1.0)
+        order = math.log(growth) / math.log(other.length / choice.length)
+        return StepError(self._time, rms, solver.name, part.frames[-1][1], part.seconds, order)
+
+    def _other_end(self, part: Part) -> _End:
+        """Where a part of the run ends in other steps, positions not finite where it explodes in them."""
+        solver, length = self.solver, self._choice.length
+        times = 2.0 if part.fewest >= 2 else 0.5
+        if isinstance(solver, SymplecticEuler):
+            times = min(times, 1.0 / length) if length * APART < 1.0 + 1e-9 else 0.5
         twin = self._twin_of(solver)
-        twin.start_from(part.start)
+        twin.go_back(part.start)
         try:
             for (pose, dt), substeps in part.frames:
-                twin.change_solver(replace(solver, substeps=2 * substeps if twice else substeps // 2))
+                twin.change_solver(replace(solver, substeps=max(1, round(substeps / times))))
                 twin.step(pose, dt)
-            rms = distance(twin.positions, here) / (1.0 - 1.0 / growth if twice else growth - 1.0)
+            end = twin.positions
         except Diverged:
-            pass
-        return StepError(self._time, rms, solver.name, part.frames[-1][1], part.seconds, math.log2(growth))
+            end = np.full_like(self.positions, np.nan)
+        return _End(solver.name, times * length, end)
 
     def _twin_of(self, solver: Solver) -> Simulation:
         """A simulation of the scene that takes parts of the motion again, with a solver; the same one every time."""
