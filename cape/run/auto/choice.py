@@ -24,7 +24,7 @@ FEWEST = 8  # steps of XPBD in a frame at 60 Hz: with fewer, cloth is rubber
 USUAL = 8  # steps of TR-BDF2
 FRAME_COST = 9000  # vertices that a step of XPBD moves on in the time that the rest of a frame takes
 AIM = 0.8  # of the error that is allowed, which steps aim at in free motion,
-AIM_IN_CONTACT = 0.65  # and where what is told of a part scatters about the true error
+AIM_IN_CONTACT = 0.65  # and in contact, where it scatters by a half: see `python -m tests.bench.accuracy.parts`
 LEAST_CHANGE, MOST_CHANGE = 0.25, 2.0  # of the step at once: theory of small errors holds no farther
 FINEST = 64.0  # times as short as stable steps of Euler, beyond which contact tells more than the step
 

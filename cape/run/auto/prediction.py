@@ -8,8 +8,8 @@ next one is told in two ways, and the narrower one holds:
 - It is one of a population, whose mean and variance are those of parts that were measured. Parts that follow each other
   are alike, and tell no more than one of them does: the mean is as sure as so many parts as were measured `APART`.
 
-Of both variances the one of `UNKNOWN` errors counts as much as one part. After `APART` parts the next is measured
-whatever is known, as motions change.
+Of both variances the one of `UNKNOWN` errors counts as much as one part, and each time that `APART` parts have passed
+the second grows by it, as motions change.
 
 Errors are taken in units of what shakes the cloth in their part (`Part.jolt`): what a calm part tells is little of one
 in which limbs strike. Once a part is taken that is known of it; before, it is likely to be as in the last one.
@@ -21,7 +21,9 @@ from typing import NamedTuple
 import numpy as np
 
 SURE = 2.326  # standard deviations of a normal distribution that one in a hundred exceeds
-UNKNOWN = 1.0  # standard deviation of what was not seen yet: errors differ by a factor of e from part to part
+# Standard deviation of what was not seen yet: errors in units of jolts differ by a factor of two from part to part, as
+# `python -m tests.bench.accuracy.parts` tells.
+UNKNOWN = 0.7
 APART = 10  # parts, of a tenth of a second each, after which an error tells nothing of the next: a step or a swing
 
 
@@ -54,19 +56,16 @@ class Prediction:
     def bound(self, jolt: float | None = None) -> float:
         """What few of the next exceed, if that part is shaken so, or as the last one was.
 
-        It is infinite where the next is to be measured whatever is known.
-
         One in a hundred would, were mean and variance known; resting on few parts, it is two to four, of series made up
         to scatter as errors in contact do (`tests/run/test_auto.py`).
         """
         values, parts = (np.array(each) for each in zip(*self._seen, strict=True))
         passed = self._part - int(parts[-1])
-        if passed >= APART:
-            return math.inf
         walk = _deviation(np.diff(values) ** 2 / np.diff(parts))
         last = float(values[-1]) + SURE * walk * math.sqrt(passed)
         mean, several = float(values.mean()), 1.0 + (int(parts[-1]) - int(parts[0])) // APART
         spread = _deviation((values - mean) ** 2) * math.sqrt(1.0 + 1.0 / several)
+        spread = math.hypot(spread, UNKNOWN * math.sqrt(passed // APART))
         shaken = self._jolts[-1] if jolt is None else math.log(jolt)
         return math.exp(shaken + min(last, mean + SURE * spread))
 

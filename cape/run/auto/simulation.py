@@ -38,7 +38,8 @@ from motions.border import checked_first
 from motions.errors import ValueRangeError
 
 TRIES = 6  # of a part, at most
-APART = math.sqrt(2.0)  # times as long steps, at least, that tell of an error: from a smaller difference it is guessed
+OWN_SHARE = 0.5  # of what a comparison takes, that a part bears itself: the rest is for those that it tells of
+COARSER = math.sqrt(2.0)  # times as long steps, at least, that tell of an error: smaller differences are mostly chance
 
 
 class _End(NamedTuple):
@@ -319,7 +320,7 @@ class AutoSimulation(Simulation):
         if choice.solver.name != solver:
             self._prediction = Prediction()  # the errors of the one tell nothing of those of the other
         if choice.explodes_at_double:
-            choice.take(min(choice.length, 1.0 / APART))
+            choice.take(min(choice.length, 1.0 / COARSER))
 
     def _cost(self, length: float) -> float:
         """What a frame in steps of a length takes, in steps of the solver that is chosen."""
@@ -328,11 +329,11 @@ class AutoSimulation(Simulation):
         return steps + (DEARER * rest if isinstance(choice.solver, SymplecticEuler) else rest)
 
     def _cost_compared(self) -> float:
-        """What it takes together with the one that it is compared with."""
+        """What it takes together with the one that it is compared with, of which a share is for what follows."""
         choice = self._choice
         if choice.explodes_at_double:
-            return self._cost(min(choice.length, 1.0 / APART)) + self._cost(1.0)
-        return self._cost(choice.length) + self._cost(2.0 * choice.length)
+            return self._cost(min(choice.length, 1.0 / COARSER)) + OWN_SHARE * self._cost(1.0)
+        return self._cost(choice.length) + OWN_SHARE * self._cost(2.0 * choice.length)
 
     def _is_sure(self, part: Part) -> bool:
         """Tell whether a part hardly misses what is allowed, by what is known of others."""
@@ -365,7 +366,7 @@ class AutoSimulation(Simulation):
                 self._prediction.pass_over(part.jolt)
                 break
             end = _End(choice.solver.name, choice.length, self.positions)
-            if other is None and choice.explodes_at_double and choice.length * APART > 1.0 + 1e-9:
+            if other is None and choice.explodes_at_double and choice.length * COARSER > 1.0 + 1e-9:
                 choice.take(0.5 * choice.length)
             else:
                 error = self._compare(part, other)
@@ -392,7 +393,7 @@ class AutoSimulation(Simulation):
         Where none are given that tell of it, it is taken in fewer steps, or in more where fewer would be unstable.
         """
         solver, choice, rms = self.solver, self._choice, math.inf
-        if other is None or other.solver != solver.name or not other.length > (1.0 - 1e-9) * APART * choice.length:
+        if other is None or other.solver != solver.name or not other.length > (1.0 - 1e-9) * COARSER * choice.length:
             other = self._other_end(part)
         growth = choice.size(other.length) / choice.size(choice.length)
         if np.isfinite(other.positions[0, 0]):
@@ -405,7 +406,7 @@ class AutoSimulation(Simulation):
         solver, length = self.solver, self._choice.length
         times = 2.0 if part.fewest >= 2 else 0.5
         if isinstance(solver, SymplecticEuler):
-            times = min(times, 1.0 / length) if length * APART < 1.0 + 1e-9 else 0.5
+            times = min(times, 1.0 / length) if length * COARSER < 1.0 + 1e-9 else 0.5
         twin = self._twin_of(solver)
         twin.go_back(part.start)
         try:
