@@ -11,7 +11,7 @@ from cape.cloth.fabric import Fabric
 from cape.run.auto.ahead import Coming
 from cape.run.auto.choice import FRAME, Choice
 from cape.run.auto.drift import RATIOS, Drift, Orders
-from cape.run.auto.part import Part
+from cape.run.auto.part import End, Part
 from cape.run.auto.prediction import APART, SURE, UNKNOWN, Prediction
 from cape.run.auto.sagging import USUAL_SPEED, USUAL_TIME, Sagging
 from cape.run.step_error import PARTS, Schedule, ScheduledWatch
@@ -256,6 +256,27 @@ def test_a_jolt_is_the_change_of_velocities_in_a_frame():
         part.note(coming, 20, list(end))
     changes = np.diff([start, *ends], axis=0)
     assert part.jolt == pytest.approx(np.sqrt(np.mean(np.sum(changes**2, axis=1))))
+
+
+def test_an_error_that_does_not_shrink_with_the_step_is_told_larger_by_as_much():
+    given = flag(spacing=0.2, seconds=0.1)
+    simulation, poses = AutoSimulation(given.scene, Auto(tolerance=0.001)), poses_of(given.track, given.scene.bones)
+    simulation.start(poses[0])
+    part = Part(simulation.mark())
+    simulation._take(Coming(poses[1], FRAME))
+    part.note(Coming(poses[1], FRAME), simulation.substeps, simulation._started.state[3:])
+    here, length, way = simulation.positions, simulation._choice.length, np.array([1e-3, 0.0, 0.0])
+
+    def told(*ends: tuple[float, float]) -> float:
+        return simulation._compare(part, [End("euler", n * length, here + mm * way) for n, mm in ends]).rms
+
+    # Twice the step makes twice the error, 2 mm, and four times the step four times that.
+    assert told((2.0, 1.0)) == pytest.approx(0.001)
+    assert told((4.0, 3.0), (2.0, 1.0)) == pytest.approx(0.001)
+    # Half as much would have been left, had the error shrunk from 2 mm as the step.
+    assert told((4.0, 2.0), (2.0, 1.0)) == pytest.approx(0.002)
+    # Steps that are nearly as long tell nothing: others are taken.
+    assert told((1.1, 1.0)) != pytest.approx(0.01, rel=0.1)
 
 
 def test_steps_of_another_length_need_no_other_programs():

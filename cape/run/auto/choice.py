@@ -110,11 +110,14 @@ class Choice:
             return replace(self.solver, substeps=max(1, math.ceil(count - 1e-9)))
         return self.euler(times)
 
-    def steps(self, length: float) -> float:
-        """Steps of a length in a frame at 60 Hz."""
+    def cost(self, length: float, vertices: int) -> float:
+        """What a frame at 60 Hz takes in steps of a length, of a cloth of so many vertices, in steps of the solver."""
+        rest = FRAME_COST / vertices
         if isinstance(self.solver, XPBD):
-            return FRAME / length
-        return (USUAL if isinstance(self.solver, TRBDF2) else FRAME / self.stable) / length
+            return FRAME / length + rest
+        if isinstance(self.solver, TRBDF2):
+            return USUAL / length + USUAL / IMPLICIT * rest
+        return FRAME / self.stable / length + DEARER * rest
 
     @property
     def length(self) -> float:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,14 @@ from cape.run.auto.ahead import Coming
 from cape.run.whereabouts import Mark
 
 STILL = 1e-3  # m/s: of less than this, changes of velocity tell nothing but rounding
+
+
+class End(NamedTuple):
+    """Where a part has ended [m], (V, 3), in steps of a length of a solver."""
+
+    solver: str
+    length: float
+    positions: NDArray[np.float64]
 
 
 class Part:

@@ -13,18 +13,17 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cape.assembly.chains import chain_of
 from cape.results.take import StepError
 from cape.run.auto.ahead import Ahead, Coming, is_as_long, onwards
 from cape.run.auto.budget import Budget
-from cape.run.auto.choice import AIM, AIM_IN_CONTACT, DEARER, FRAME, FRAME_COST, MOST_CHANGE, TOLERANCE, Auto, Choice
+from cape.run.auto.choice import AIM, AIM_IN_CONTACT, FRAME, MOST_CHANGE, TOLERANCE, Auto, Choice
 from cape.run.auto.course import Course
-from cape.run.auto.part import Part
+from cape.run.auto.part import End, Part
 from cape.run.auto.prediction import Prediction
 from cape.run.auto.sagging import Sagging
 from cape.run.simulation import DEFAULT_CUTS, Simulation
@@ -40,14 +39,6 @@ from motions.errors import ValueRangeError
 TRIES = 6  # of a part, at most
 OWN_SHARE = 0.5  # of what a comparison takes, that a part bears itself: the rest is for those that it tells of
 COARSER = math.sqrt(2.0)  # times as long steps, at least, that tell of an error: smaller differences are mostly chance
-
-
-class _End(NamedTuple):
-    """Where a part has ended [m], (V, 3), in steps of a length of a solver."""
-
-    solver: str
-    length: float
-    positions: NDArray[np.float64]
 
 
 @checked_first
@@ -252,7 +243,7 @@ class AutoSimulation(Simulation):
             if self._is_sure(self._open):
                 self._prediction.pass_over(self._open.jolt)
             else:
-                self._learn(self._compare(self._open), self._open)
+                self._learn(self._compare(self._open, []), self._open)
             self._open = None
 
     def _rehearse(self, pose: Pose, dt: float) -> None:
@@ -313,7 +304,10 @@ class AutoSimulation(Simulation):
             wanted = choice.length_of(AIM_IN_CONTACT * self.tolerance / known.likely)
             choice.take(min(wanted, MOST_CHANGE * choice.length))
             sure = choice.length_of(self.tolerance / (known.rise * known.bound()))
-            if choice.within(sure) <= sure and self._cost(choice.within(sure)) <= self._cost_compared():
+            if (
+                choice.within(sure) <= sure
+                and choice.cost(choice.within(sure), self.scene.cloth.vertices) <= self._cost_compared()
+            ):
                 choice.take(sure)
                 if choice.solver.name == solver:
                     return
@@ -322,18 +316,13 @@ class AutoSimulation(Simulation):
         if choice.explodes_at_double:
             choice.take(min(choice.length, 1.0 / COARSER))
 
-    def _cost(self, length: float) -> float:
-        """What a frame in steps of a length takes, in steps of the solver that is chosen."""
-        choice, rest = self._choice, FRAME_COST / self.scene.cloth.vertices
-        steps = choice.steps(length)
-        return steps + (DEARER * rest if isinstance(choice.solver, SymplecticEuler) else rest)
-
     def _cost_compared(self) -> float:
-        """What it takes together with the one that it is compared with, of which a share is for what follows."""
-        choice = self._choice
+        """What a frame takes together with the one that it is compared with, of which a share is for what follows."""
+        choice, vertices = self._choice, self.scene.cloth.vertices
+        own, other = choice.length, 2.0 * choice.length
         if choice.explodes_at_double:
-            return self._cost(min(choice.length, 1.0 / COARSER)) + OWN_SHARE * self._cost(1.0)
-        return self._cost(choice.length) + OWN_SHARE * self._cost(2.0 * choice.length)
+            own, other = min(own, 1.0 / COARSER), 1.0
+        return choice.cost(own, vertices) + OWN_SHARE * choice.cost(other, vertices)
 
     def _is_sure(self, part: Part) -> bool:
         """Tell whether a part hardly misses what is allowed, by what is known of others."""
@@ -347,7 +336,7 @@ class AutoSimulation(Simulation):
             Diverged: the first of them explodes.
         """
         choice, start, time, taken = self._choice, self.mark(), self._time, []
-        other: _End | None = None
+        ends: list[End] = []
         for attempt in range(TRIES):
             part, taken, jumps = Part(start), [], self.jumps
             self._time = time
@@ -362,19 +351,19 @@ class AutoSimulation(Simulation):
                 break
             if self.jumps != jumps:
                 break
-            if other is None and self._is_sure(part):
+            if not ends and self._is_sure(part):
                 self._prediction.pass_over(part.jolt)
                 break
-            end = _End(choice.solver.name, choice.length, self.positions)
-            if other is None and choice.explodes_at_double and choice.length * COARSER > 1.0 + 1e-9:
+            end = End(choice.solver.name, choice.length, self.positions)
+            if not ends and choice.explodes_at_double and choice.length * COARSER > 1.0 + 1e-9:
                 choice.take(0.5 * choice.length)
             else:
-                error = self._compare(part, other)
+                error = self._compare(part, ends)
                 fits = error.rms <= self.tolerance or attempt == TRIES - 1
                 if fits or not choice.scale(AIM_IN_CONTACT * self.tolerance / error.rms):
                     self._learn(error, part)
                     break
-            other = end
+            ends.append(end)
             super().go_back(start)
         self._rest = 0.0
         return taken
@@ -387,21 +376,28 @@ class AutoSimulation(Simulation):
         else:
             self._prediction.pass_over(part.jolt)
 
-    def _compare(self, part: Part, other: _End | None = None) -> StepError:
-        """The error that the run has gathered in a part that it has just ended, by where it ends in other steps.
+    def _compare(self, part: Part, ends: list[End]) -> StepError:
+        """The error that the run has gathered in a part that it has just ended, by where it has ended in other steps.
 
-        Where none are given that tell of it, it is taken in fewer steps, or in more where fewer would be unstable.
+        Where none of these `ends` tells of it, it is taken in fewer steps, or in more where fewer would be unstable,
+        and that is added to them. Two of them tell whether what is left shrinks as it should with the step; if not, the
+        error is larger by as much.
         """
         solver, choice, rms = self.solver, self._choice, math.inf
-        if other is None or other.solver != solver.name or not other.length > (1.0 - 1e-9) * COARSER * choice.length:
-            other = self._other_end(part)
-        growth = choice.size(other.length) / choice.size(choice.length)
+        if not ends or ends[-1].solver != solver.name or ends[-1].length < (1.0 - 1e-9) * COARSER * choice.length:
+            ends[:] = [self._other_end(part)]
+        *before, other = ends
+        size, own = choice.size(other.length), choice.size(choice.length)
         if np.isfinite(other.positions[0, 0]):
-            rms = distance(other.positions, self.positions) / abs(growth - 1.0)
-        order = math.log(growth) / math.log(other.length / choice.length)
+            apart = distance(other.positions, self.positions)
+            rms = apart / abs(size / own - 1.0)
+            if before and before[-1].solver == solver.name and np.isfinite(before[-1].positions[0, 0]):
+                likely = distance(before[-1].positions, other.positions) / (choice.size(before[-1].length) - size)
+                rms *= max(1.0, apart / (size - own) / max(likely, 1e-12))
+        order = math.log(size / own) / math.log(other.length / choice.length)
         return StepError(self._time, rms, solver.name, part.frames[-1][1], part.seconds, order)
 
-    def _other_end(self, part: Part) -> _End:
+    def _other_end(self, part: Part) -> End:
         """Where a part of the run ends in other steps, positions not finite where it explodes in them."""
         solver, length = self.solver, self._choice.length
         times = 2.0 if part.fewest >= 2 else 0.5
@@ -416,7 +412,7 @@ class AutoSimulation(Simulation):
             end = twin.positions
         except Diverged:
             end = np.full_like(self.positions, np.nan)
-        return _End(solver.name, times * length, end)
+        return End(solver.name, times * length, end)
 
     def _twin_of(self, solver: Solver) -> Simulation:
         """A simulation of the scene that takes parts of the motion again, with a solver; the same one every time."""
