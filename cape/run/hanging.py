@@ -147,7 +147,7 @@ class Hanging:
 
     def change_solver(self, solver: Solver) -> None:
         """Go on with another solver from where the cloth is."""
-        if replace(solver, substeps=None) != replace(self._solver, substeps=None):
+        if not solver.steps_as(self._solver, self.running):
             dtype = solver.dtype(self.assembly)
             self.state = State(*(component.astype(dtype) for component in self.state))
             self._solver = solver

@@ -79,6 +79,10 @@ class Solver(ABC):
         """The precision for a scene, as a numpy type: as asked, or the usual one."""
         return np.float32 if (self.precision or self.usual_precision) == "single" else np.float64
 
+    def steps_as(self, other: "Solver", running: Running) -> bool:
+        """Tell whether it steps what another solver has made as that does, but for the number of steps."""
+        return replace(self, substeps=None) == replace(other, substeps=None)
+
     def toward_limit(self, running: Running, duration: float, substeps: int) -> "Solver":
         """What leads soonest to where ever shorter steps of this solver would lead, with steps to begin with.
 

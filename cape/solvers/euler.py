@@ -1,6 +1,7 @@
 """Symplectic Euler: v += dt a, then x += dt v with the new v."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -82,9 +83,20 @@ class SymplecticEuler(Solver):
 
     def dtype(self, assembly: Assembly) -> type[np.floating]:
         """The precision for a scene, as a numpy type."""
-        if self.precision is None and self.margin * _stable_step(assembly) <= SHORTEST_SINGLE_STEP:
+        return self._dtype(assembly, lambda: _stable_step(assembly))
+
+    def _dtype(self, assembly: Assembly, stable_step: Callable[[], float]) -> type[np.floating]:
+        if self.precision is None and self.margin * stable_step() <= SHORTEST_SINGLE_STEP:
             return np.float64
         return super().dtype(assembly)
+
+    def steps_as(self, other: Solver, running: Running) -> bool:
+        """Tell whether it steps what another solver has made as that does; a margin tells the number of steps alone,
+        unless they are too short for the precision."""
+        if not isinstance(other, SymplecticEuler) or not super().steps_as(replace(other, margin=self.margin), running):
+            return False
+        arrays: EulerArrays = running.arrays
+        return self._dtype(running.assembly, lambda: arrays.stable_step) is running.state.x.dtype.type
 
     def in_steps(self, substeps: int, duration: float) -> "SymplecticEuler":
         """The same with so many steps in a frame of `duration` [s], in double precision where they are too short."""

@@ -8,15 +8,17 @@ import pytest
 import cape
 from cape import Auto, AutoSimulation, Pose, Simulation
 from cape.cloth.fabric import Fabric
+from cape.run.auto.ahead import Coming
 from cape.run.auto.choice import FRAME, Choice
 from cape.run.auto.drift import RATIOS, Drift, Orders
-from cape.run.auto.prediction import APART, SURE, Prediction
+from cape.run.auto.part import End, Part
+from cape.run.auto.prediction import APART, SURE, UNKNOWN, Prediction
 from cape.run.auto.sagging import USUAL_SPEED, USUAL_TIME, Sagging
 from cape.run.step_error import PARTS, Schedule, ScheduledWatch
 from cape.scene.poses import poses_of
 from cape.scene.standard_scenes import StandardScene, draped, flag, swing
 from skeleton.shapes import Sphere
-from tests.support.error_scenes import gentle
+from tests.support.error_scenes import TOUCHED, gentle
 
 STIFF = Fabric(stretch=1e6, shear=1e5)
 EXACT = cape.SymplecticEuler(precision="double")
@@ -191,12 +193,12 @@ def test_few_parts_that_are_not_measured_miss_what_is_allowed():
     for _ in range(60):
         known, value = Prediction(), rng.normal()
         for _part in range(100):
-            if known.empty or known.bound > 8.0:
+            if known.empty or known.bound() > 8.0:
                 known.note(float(np.exp(0.75 * value)))
                 measured += 1
             else:
                 missed += 0.75 * value > np.log(8.0)
-                beyond += 0.75 * value > np.log(known.bound)
+                beyond += 0.75 * value > np.log(known.bound())
                 known.pass_over()
             value = 0.7 * value + np.sqrt(1.0 - 0.7**2) * rng.normal()
     # Errors beyond eight times the usual are one in 360, whether measured or not. The bound itself is exceeded by one
@@ -210,19 +212,102 @@ def test_a_bound_widens_as_parts_pass_until_one_is_measured():
     known = Prediction()
     assert known.empty
     known.note(1.0)
-    # One error is known, and nothing of how they change: a factor of e from part to part.
-    assert known.bound == pytest.approx(np.exp(SURE))
+    # One error is known, and nothing of how they change from part to part.
+    assert known.bound() == pytest.approx(np.exp(SURE * UNKNOWN))
     for _ in range(9):
         known.note(1.0)
     # Variances of nine changes and of ten parts, all none, and of one that is not known.
-    assert known.bound == pytest.approx(np.exp(SURE * np.sqrt(1.0 / 10.0)))
-    near = known.bound
+    assert known.bound() == pytest.approx(np.exp(SURE * UNKNOWN * np.sqrt(1.0 / 10.0)))
+    near = known.bound()
     known.pass_over()
-    assert known.bound > near
-    for _ in range(APART):
-        known.pass_over()
-    assert known.bound == np.inf
+    assert known.bound() > near
+    # Those of all parts tell ever less of what is long after them.
+    for passed in (1, 2):
+        for _ in range(APART):
+            known.pass_over()
+        spread = UNKNOWN * np.hypot(np.sqrt(1.0 / 11.0) * np.sqrt(2.0), np.sqrt(passed))
+        assert known.bound() == pytest.approx(np.exp(SURE * spread))
     assert known.likely == 1.0
+
+
+def test_what_a_calm_part_tells_is_told_of_one_that_is_shaken_as_much_more():
+    known = Prediction()
+    known.note(2.0, jolt=0.1)
+    calm = known.bound()
+    assert known.bound(10.0) == pytest.approx(100.0 * calm)
+    known.pass_over(0.2)
+    assert known.likely == pytest.approx(4.0)
+    known.note(1.0, jolt=0.1)
+    # Jolts have doubled and halved: the next one is likely to be twice as strong, where it is stronger.
+    assert known.rise == pytest.approx(2.0)
+
+
+def test_a_jolt_is_the_change_of_velocities_in_a_frame():
+    rng = np.random.default_rng(3)
+    start, *ends = (rng.normal(size=(3, 7)) for _ in range(3))
+    given = swing(spacing=0.2, seconds=0.1)
+    run_ = Simulation(given.scene)
+    run_.start(poses_of(given.track, given.scene.bones)[0])
+    mark = run_.mark()
+    moment = mark.frame.moment._replace(state=(*np.zeros((3, 7)), *start))
+    part = Part(mark._replace(frame=mark.frame._replace(moment=moment)))
+    coming = Coming(poses_of(given.track, given.scene.bones)[1], FRAME)
+    for end in ends:
+        part.note(coming, 20, list(end))
+    changes = np.diff([start, *ends], axis=0)
+    assert part.jolt == pytest.approx(np.sqrt(np.mean(np.sum(changes**2, axis=1))))
+
+
+def test_an_error_that_does_not_shrink_with_the_step_is_told_larger_by_as_much():
+    given = flag(spacing=0.2, seconds=0.1)
+    simulation, poses = AutoSimulation(given.scene, Auto(tolerance=0.001)), poses_of(given.track, given.scene.bones)
+    simulation.start(poses[0])
+    part = Part(simulation.mark())
+    simulation._take(Coming(poses[1], FRAME))
+    part.note(Coming(poses[1], FRAME), simulation.substeps, simulation._started.state[3:])
+    here, length, way = simulation.positions, simulation._choice.length, np.array([1e-3, 0.0, 0.0])
+
+    def told(*ends: tuple[float, float]) -> float:
+        return simulation._compare(part, [End("euler", n * length, here + mm * way) for n, mm in ends]).rms
+
+    # Twice the step makes twice the error, 2 mm, and four times the step four times that.
+    assert told((2.0, 1.0)) == pytest.approx(0.001)
+    assert told((4.0, 3.0), (2.0, 1.0)) == pytest.approx(0.001)
+    # Half as much would have been left, had the error shrunk from 2 mm as the step.
+    assert told((4.0, 2.0), (2.0, 1.0)) == pytest.approx(0.002)
+    # Steps that are nearly as long tell nothing: others are taken.
+    assert told((1.1, 1.0)) != pytest.approx(0.01, rel=0.1)
+
+
+def test_steps_of_another_length_need_no_other_programs():
+    given = swing(spacing=0.1, seconds=0.1)
+    simulation = Simulation(given.scene)
+    simulation.start(poses_of(given.track, given.scene.bones)[0])
+    running, usual = simulation._started.running, cape.SymplecticEuler()
+    for solver in (replace(usual, margin=0.3), replace(usual, substeps=50)):
+        simulation.change_solver(solver)
+        assert simulation._started.running is running
+    assert simulation._started.choose_substeps(FRAME) == 50
+    # Unless they are too short for single precision.
+    simulation.change_solver(replace(usual, margin=1e-4))
+    assert simulation._started.running.state.x.dtype == np.float64
+    simulation.change_solver(usual)
+    assert simulation._started.running.state.x.dtype == np.float32
+
+
+def test_a_part_in_which_the_cloth_is_struck_keeps_to_what_was_asked_for_after_calm_ones():
+    tolerance, given = 0.0005, TOUCHED["pushed"](1, 0.6)
+    simulation = AutoSimulation(given.scene, Auto(tolerance=tolerance))
+    poses, steps = poses_of(given.track, simulation.bones), np.diff(given.track.times)
+    simulation.start(poses[0])
+    simulation.expect(poses[1:], steps)
+    watch = ScheduledWatch(simulation, Schedule(0.1, tuple(range(0, 36, 6))))
+    for pose, dt in zip(poses[1:], steps, strict=True):
+        simulation.step(pose, float(dt))
+        watch.note(pose, float(dt))
+    errors = np.array([error.rms for error in watch.errors])
+    assert errors.max() < 1.1 * tolerance
+    assert errors[0] < 0.1 * tolerance < errors.max()
 
 
 def test_usual_fabrics_get_euler_and_stiff_ones_as_many_steps_of_xpbd_as_they_need():

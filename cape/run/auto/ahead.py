@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cape.run.whereabouts import Mark, Snapshot
+from cape.run.whereabouts import Mark
 from cape.scene.poses import Bones, Pose, read_pose
 from motions import quaternions
 
@@ -19,18 +19,6 @@ class Coming(NamedTuple):
 
     pose: Pose
     dt: float
-
-
-class Part(NamedTuple):
-    """A part of the motion that a run has taken: where it began, and each frame with the number of its steps."""
-
-    start: Snapshot
-    frames: list[tuple[Coming, int]]
-
-    @property
-    def seconds(self) -> float:
-        """How long it is [s]."""
-        return sum(coming.dt for coming, _ in self.frames)
 
 
 def is_as_long(dt: float, other: float) -> bool:

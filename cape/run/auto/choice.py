@@ -22,7 +22,9 @@ DEARER = 2.2  # times as long as one of Euler takes a step of XPBD,
 IMPLICIT = 330  # and steps of XPBD that take as long as a frame of TR-BDF2 in `USUAL` steps, both of cloth of 1e6 N/m
 FEWEST = 8  # steps of XPBD in a frame at 60 Hz: with fewer, cloth is rubber
 USUAL = 8  # steps of TR-BDF2
-AIM = 0.8  # of the error that is allowed, which steps aim at
+FRAME_COST = 9000  # vertices that a step of XPBD moves on in the time that the rest of a frame takes
+AIM = 0.8  # of the error that is allowed, which steps aim at in free motion,
+AIM_IN_CONTACT = 0.65  # and in contact, where it scatters by a half: see `python -m tests.bench.accuracy.parts`
 LEAST_CHANGE, MOST_CHANGE = 0.25, 2.0  # of the step at once: theory of small errors holds no farther
 FINEST = 64.0  # times as short as stable steps of Euler, beyond which contact tells more than the step
 
@@ -107,6 +109,15 @@ class Choice:
             count = self.shorter * USUAL * dt / FRAME / times
             return replace(self.solver, substeps=max(1, math.ceil(count - 1e-9)))
         return self.euler(times)
+
+    def cost(self, length: float, vertices: int) -> float:
+        """What a frame at 60 Hz takes in steps of a length, of a cloth of so many vertices, in steps of the solver."""
+        rest = FRAME_COST / vertices
+        if isinstance(self.solver, XPBD):
+            return FRAME / length + rest
+        if isinstance(self.solver, TRBDF2):
+            return USUAL / length + USUAL / IMPLICIT * rest
+        return FRAME / self.stable / length + DEARER * rest
 
     @property
     def length(self) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.run.auto.ahead import Coming, is_as_long
-from cape.run.auto.choice import AIM, FEWEST, FRAME, LEAST_CHANGE, MOST_CHANGE, Choice
+from cape.run.auto.choice import AIM, FEWEST, FRAME, FRAME_COST, LEAST_CHANGE, MOST_CHANGE, Choice
 from cape.run.auto.drift import Drift, Orders
 from cape.run.simulation import Simulation
 from cape.run.step_error import FREE_WINDOW, distance
@@ -28,7 +28,6 @@ WELL = 0.5  # of what is allowed, below which steps that can't be longer need no
 MOST = 1.7  # times as fast as is likely, that errors of XPBD grow at most: see `sagging`
 SAMPLES = 10  # in a second: shapes are compared so often
 NEAR = 1.3  # times as long steps, which tell too little of each other
-FRAME_COST = 9000  # vertices that a step of XPBD moves on in the time that the rest of a frame takes
 # XPBD sags as the square of its step and lags behind as the step. TR-BDF2 is of second order. Euler's stable steps are
 # so short that the slow motion of a cloth is as good as exact: its period is off by (w h)^2 / 24. What they miss are
 # waves, which are damped, so that their error does not grow.

@@ -2,10 +2,11 @@
 
 Solver and steps begin with what a hanging cloth tells (`choice`, `sagging`). Where the poses to come are known
 (`AutoSimulation.expect`) and nothing touches the cloth, companions of the run tell the error of the whole (`course`).
-Otherwise part after part of the motion is compared with the same part in half as many steps, unless errors so far tell
-that it hardly misses what is allowed (`prediction`). Where poses are known that is done before a part's first frame is
-handed on, and the part is taken again in shorter steps where it misses. In a loop that tells one pose at a time it can
-only be done afterwards, for what follows; and before the first frame, as if the bones moved on as they begin to.
+Otherwise part after part of the motion is taken, and compared with the same part in fewer steps, unless errors so far
+and what has shaken the cloth in it tell that it hardly misses what is allowed (`prediction`). Where poses are known,
+that is done before a part's first frame is handed on, and a part that misses is taken again in shorter steps. In a loop
+that tells one pose at a time it can only be done afterwards, for what follows; and before the first frame, as if the
+bones moved on as they begin to.
 """
 
 import math
@@ -18,10 +19,11 @@ from numpy.typing import ArrayLike
 
 from cape.assembly.chains import chain_of
 from cape.results.take import StepError
-from cape.run.auto.ahead import Ahead, Coming, Part, is_as_long, onwards
+from cape.run.auto.ahead import Ahead, Coming, is_as_long, onwards
 from cape.run.auto.budget import Budget
-from cape.run.auto.choice import AIM, FRAME, MOST_CHANGE, TOLERANCE, Auto, Choice
+from cape.run.auto.choice import AIM, AIM_IN_CONTACT, FRAME, MOST_CHANGE, TOLERANCE, Auto, Choice
 from cape.run.auto.course import Course
+from cape.run.auto.part import End, Part
 from cape.run.auto.prediction import Prediction
 from cape.run.auto.sagging import Sagging
 from cape.run.simulation import DEFAULT_CUTS, Simulation
@@ -35,7 +37,8 @@ from motions.border import checked_first
 from motions.errors import ValueRangeError
 
 TRIES = 6  # of a part, at most
-COMPARED = 1.5  # times as long as a part alone takes one that is compared with half as many steps
+OWN_SHARE = 0.5  # of what a comparison takes, that a part bears itself: the rest is for those that it tells of
+COARSER = math.sqrt(2.0)  # times as long steps, at least, that tell of an error: smaller differences are mostly chance
 
 
 @checked_first
@@ -201,10 +204,9 @@ class AutoSimulation(Simulation):
             self._rest = self._ahead.part(0.0)[0].dt
         elif free:
             self._ahead.taken.extend(self._begin_course(frames))
-        elif self._plan():
-            self._ahead.taken.extend(self._try_part(frames))
         else:
-            self._rest = sum(coming.dt for coming in frames)
+            self._plan()
+            self._ahead.taken.extend(self._try_part(frames))
         super().go_back(start)
 
     def _until_jump(self, frames: list[Coming]) -> list[Coming]:
@@ -228,20 +230,21 @@ class AutoSimulation(Simulation):
 
     def _step_and_look(self, coming: Coming) -> None:
         """Take a frame of which none is known beforehand; at the end of a part, learn for what is to come."""
-        window = window_of(self.scene)
-        if self._open is None and self._rest < 1e-9:
-            if self._plan():
-                self._open = Part(self.snapshot(), [])
-            self._rest = window
+        if self._open is None:
+            self._plan()
+            self._open = Part(self.mark())
         jumps = self.jumps
         self._take(coming)
         if self.jumps != jumps:
-            self._open, self._rest = None, 0.0
-        if self._open is not None:
-            self._open.frames.append((coming, self.substeps))
-            if self._open.seconds > window - 1e-9:
-                self._learn(self._compare(self._open))
-                self._open, self._rest = None, 0.0
+            self._open = None
+            return
+        self._open.note(coming, self.substeps, self._started.state[3:])
+        if self._open.seconds > window_of(self.scene) - 1e-9:
+            if self._is_sure(self._open):
+                self._prediction.pass_over(self._open.jolt)
+            else:
+                self._learn(self._compare(self._open, []), self._open)
+            self._open = None
 
     def _rehearse(self, pose: Pose, dt: float) -> None:
         """Find out which steps suit if the bones move on as they begin to, before the first frame is handed on."""
@@ -291,27 +294,40 @@ class AutoSimulation(Simulation):
         span = sum(coming.dt for coming in course.frames)
         self.errors.append(StepError(self._time, course.error, self.solver.name, self.substeps, span))
 
-    def _plan(self) -> bool:
-        """Choose steps for the next part; tell whether it is to be compared with half as many.
+    def _plan(self) -> None:
+        """Choose steps for the next part, which is likely to be shaken as the last one was.
 
-        That is so where it takes less time than steps so short that the part will hardly miss what is allowed.
+        They are so short that it will hardly miss what is allowed, where that takes less time than to compare it.
         """
         choice, known, solver = self._choice, self._prediction, self._choice.solver.name
         if not known.empty:
-            wanted = choice.length_of(AIM * self.tolerance / known.likely)
+            wanted = choice.length_of(AIM_IN_CONTACT * self.tolerance / known.likely)
             choice.take(min(wanted, MOST_CHANGE * choice.length))
-            sure = choice.length_of(self.tolerance / known.bound)
-            compared = min(choice.length, 0.5) if choice.explodes_at_double else choice.length
-            if choice.within(sure) <= sure and COMPARED * choice.within(sure) >= compared:
+            sure = choice.length_of(self.tolerance / (known.rise * known.bound()))
+            if (
+                choice.within(sure) <= sure
+                and choice.cost(choice.within(sure), self.scene.cloth.vertices) <= self._cost_compared()
+            ):
                 choice.take(sure)
                 if choice.solver.name == solver:
-                    known.pass_over()
-                    return False
+                    return
         if choice.solver.name != solver:
             self._prediction = Prediction()  # the errors of the one tell nothing of those of the other
         if choice.explodes_at_double:
-            choice.take(0.5)
-        return True
+            choice.take(min(choice.length, 1.0 / COARSER))
+
+    def _cost_compared(self) -> float:
+        """What a frame takes together with the one that it is compared with, of which a share is for what follows."""
+        choice, vertices = self._choice, self.scene.cloth.vertices
+        own, other = choice.length, 2.0 * choice.length
+        if choice.explodes_at_double:
+            own, other = min(own, 1.0 / COARSER), 1.0
+        return choice.cost(own, vertices) + OWN_SHARE * choice.cost(other, vertices)
+
+    def _is_sure(self, part: Part) -> bool:
+        """Tell whether a part hardly misses what is allowed, by what is known of others."""
+        choice, known = self._choice, self._prediction
+        return not known.empty and known.bound(part.jolt) * choice.size(choice.length) <= self.tolerance
 
     def _try_part(self, frames: list[Coming]) -> list[Mark]:
         """Take frames from here, again in shorter steps where they miss what is allowed; the good ones of those taken.
@@ -319,14 +335,15 @@ class AutoSimulation(Simulation):
         Raises:
             Diverged: the first of them explodes.
         """
-        start, time, taken = self.mark(), self._time, []
+        choice, start, time, taken = self._choice, self.mark(), self._time, []
+        ends: list[End] = []
         for attempt in range(TRIES):
-            part, taken, jumps = Part(self.snapshot(), []), [], self.jumps
+            part, taken, jumps = Part(start), [], self.jumps
             self._time = time
             try:
                 for coming in frames:
                     self._take(coming)
-                    part.frames.append((coming, self.substeps))
+                    part.note(coming, self.substeps, self._started.state[3:])
                     taken.append(self.mark())
             except Diverged:
                 if not taken:
@@ -334,38 +351,68 @@ class AutoSimulation(Simulation):
                 break
             if self.jumps != jumps:
                 break
-            error = self._compare(part)
-            if error.rms <= self.tolerance or attempt == TRIES - 1:
-                self._learn(error)
+            if not ends and self._is_sure(part):
+                self._prediction.pass_over(part.jolt)
                 break
-            if not self._choice.scale(AIM * self.tolerance / error.rms):
-                self._learn(error)
-                break
+            end = End(choice.solver.name, choice.length, self.positions)
+            if not ends and choice.explodes_at_double and choice.length * COARSER > 1.0 + 1e-9:
+                choice.take(0.5 * choice.length)
+            else:
+                error = self._compare(part, ends)
+                fits = error.rms <= self.tolerance or attempt == TRIES - 1
+                if fits or not choice.scale(AIM_IN_CONTACT * self.tolerance / error.rms):
+                    self._learn(error, part)
+                    break
+            ends.append(end)
             super().go_back(start)
         self._rest = 0.0
         return taken
 
-    def _learn(self, error: StepError) -> None:
+    def _learn(self, error: StepError, part: Part) -> None:
         """Keep the error of a part that was compared, for what follows."""
         self.errors.append(error)
         if math.isfinite(error.rms):
-            self._prediction.note(error.rms / self._choice.size(self._choice.length))
+            self._prediction.note(error.rms / self._choice.size(self._choice.length), part.jolt)
+        else:
+            self._prediction.pass_over(part.jolt)
 
-    def _compare(self, part: Part) -> StepError:
-        """The error that the run has gathered in a part that it has just ended, by half as many steps, or twice."""
-        solver, choice, here, rms = self.solver, self._choice, self.positions, math.inf
-        growth = choice.size(2.0 * choice.length) / choice.size(choice.length)
-        twice = choice.explodes_at_double or min(substeps for _, substeps in part.frames) < 2
+    def _compare(self, part: Part, ends: list[End]) -> StepError:
+        """The error that the run has gathered in a part that it has just ended, by where it has ended in other steps.
+
+        Where none of these `ends` tells of it, it is taken in fewer steps, or in more where fewer would be unstable,
+        and that is added to them. Two of them tell whether what is left shrinks as it should with the step; if not, the
+        error is larger by as much.
+        """
+        solver, choice, rms = self.solver, self._choice, math.inf
+        if not ends or ends[-1].solver != solver.name or ends[-1].length < (1.0 - 1e-9) * COARSER * choice.length:
+            ends[:] = [self._other_end(part)]
+        *before, other = ends
+        size, own = choice.size(other.length), choice.size(choice.length)
+        if np.isfinite(other.positions[0, 0]):
+            apart = distance(other.positions, self.positions)
+            rms = apart / abs(size / own - 1.0)
+            if before and before[-1].solver == solver.name and np.isfinite(before[-1].positions[0, 0]):
+                likely = distance(before[-1].positions, other.positions) / (choice.size(before[-1].length) - size)
+                rms *= max(1.0, apart / (size - own) / max(likely, 1e-12))
+        order = math.log(size / own) / math.log(other.length / choice.length)
+        return StepError(self._time, rms, solver.name, part.frames[-1][1], part.seconds, order)
+
+    def _other_end(self, part: Part) -> End:
+        """Where a part of the run ends in other steps, positions not finite where it explodes in them."""
+        solver, length = self.solver, self._choice.length
+        times = 2.0 if part.fewest >= 2 else 0.5
+        if isinstance(solver, SymplecticEuler):
+            times = min(times, 1.0 / length) if length * COARSER < 1.0 + 1e-9 else 0.5
         twin = self._twin_of(solver)
-        twin.start_from(part.start)
+        twin.go_back(part.start)
         try:
             for (pose, dt), substeps in part.frames:
-                twin.change_solver(replace(solver, substeps=2 * substeps if twice else substeps // 2))
+                twin.change_solver(replace(solver, substeps=max(1, round(substeps / times))))
                 twin.step(pose, dt)
-            rms = distance(twin.positions, here) / (1.0 - 1.0 / growth if twice else growth - 1.0)
+            end = twin.positions
         except Diverged:
-            pass
-        return StepError(self._time, rms, solver.name, part.frames[-1][1], part.seconds, math.log2(growth))
+            end = np.full_like(self.positions, np.nan)
+        return End(solver.name, times * length, end)
 
     def _twin_of(self, solver: Solver) -> Simulation:
         """A simulation of the scene that takes parts of the motion again, with a solver; the same one every time."""
