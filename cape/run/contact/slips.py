@@ -68,15 +68,23 @@ class Slips:
         slipping = self.of_vertices != NOT
         chosen = self._triangles[(long | slipping)[self._triangles].any(axis=1)]
         places = np.stack(self._state[:3], axis=1).astype(float)
+        corners = places[chosen]
+        middles = corners.mean(axis=1)
+        reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1, initial=0.0)
         for c, bone, shape, start, end in self._limbs:
-            in_bone = quaternions.rotate(
-                quaternions.conjugate(pose.rotations_wxyz[bone]), places - pose.positions[bone]
-            )
+            turn, origin = pose.rotations_wxyz[bone], pose.positions[bone]
             own = np.flatnonzero(self.of_vertices == c)
-            found[own[signed_distance(shape, in_bone[own]) < 0.0]] = c
-            length = float(np.linalg.norm(end - start))
-            if length > 0.0:
-                ways = ray_hits(start[None], (end - start)[None] / length, in_bone[chosen][None])[0]
-                found[chosen[ways <= length]] = c
+            if len(own):
+                in_bone = quaternions.rotate(quaternions.conjugate(turn), places[own] - origin)
+                found[own[signed_distance(shape, in_bone) < 0.0]] = c
+            begins, ends = (origin + quaternions.rotate(turn, place) for place in (start, end))
+            length = float(np.linalg.norm(ends - begins))
+            if length == 0.0:
+                continue
+            away = middles - 0.5 * (begins + ends)
+            near = np.flatnonzero(np.einsum("tk,tk->t", away, away) <= (0.5 * length + reach) ** 2)
+            if len(near):
+                ways = ray_hits(begins[None], (ends - begins)[None] / length, corners[near][None])[0]
+                found[chosen[near[ways <= length]]] = c
         found[~self._free] = NOT
         return found
