@@ -55,7 +55,7 @@ class Slips:
 
     def go_on(self, long: NDArray[np.bool_], pose: Pose) -> None:
         """Let what limbs are through at a frame's end slip on, and what they are no longer through be."""
-        if long.any() or (self.of_vertices != NOT).any():
+        if (self.of_vertices != NOT).any():
             self.of_vertices[:] = self._find(long, pose)
 
     def _find(self, long: NDArray[np.bool_], pose: Pose) -> IntArray:
