@@ -180,7 +180,7 @@ def test_cloth_is_dragged_in_a_browser():
             for k in range(1, 7):
                 time.sleep(0.1)
                 ask("Input.dispatchMouseEvent", type="mouseMoved", x=x - 15 * k, y=y, buttons=1, button="left")
-            until(live, said, "pinned")
+            until(live, said, "in the hand")
             before = live.positions.copy()
             live.wait(2.0)
             led = np.linalg.norm(live.positions - before, axis=1).max()
