@@ -69,8 +69,8 @@ class Slips:
         chosen = self._triangles[(long | slipping)[self._triangles].any(axis=1)]
         places = np.stack(self._state[:3], axis=1).astype(float)
         corners = places[chosen]
-        middles = corners.mean(axis=1)
-        reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1, initial=0.0)
+        first = corners[:, 0]
+        reach = np.sqrt(np.square(corners - corners[:, :1]).sum(axis=2).max(initial=0.0))
         for c, bone, shape, start, end in self._limbs:
             turn, origin = pose.rotations_wxyz[bone], pose.positions[bone]
             own = np.flatnonzero(self.of_vertices == c)
@@ -81,8 +81,10 @@ class Slips:
             length = float(np.linalg.norm(ends - begins))
             if length == 0.0:
                 continue
-            away = middles - 0.5 * (begins + ends)
-            near = np.flatnonzero(np.einsum("tk,tk->t", away, away) <= (0.5 * length + reach) ** 2)
+            # Their first corners lie in the box around the limb's middle line, but for what a triangle reaches.
+            low, high = np.minimum(begins, ends) - reach, np.maximum(begins, ends) + reach
+            near = np.flatnonzero((first[:, 2] >= low[2]) & (first[:, 2] <= high[2]))
+            near = near[((first[near] >= low) & (first[near] <= high)).all(axis=1)]
             if len(near):
                 ways = ray_hits(begins[None], (ends - begins)[None] / length, corners[near][None])[0]
                 found[chosen[near[ways <= length]]] = c
