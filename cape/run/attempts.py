@@ -79,7 +79,7 @@ def take_frame(cloth: Hanging, motion: Motion, dt: float, substeps: int, before:
         if sound and attempt >= patience:
             cloth.limit.rest()
             cloth.limit.lasting = lasting
-            cloth.slips.go_on(cloth.limit.long(), end)
+            cloth.slips.go_on(cloth.limit.long, end)
             cloth.note_lift(dt)
             converged = unconverged == 0
             return Taken(exploded, refined and converged, troubled and converged, not converged)

@@ -96,7 +96,11 @@ def test_frames_of_another_export_are_told(take: Take, tmp_path: Path):
     take.export(tmp_path / "walk.ply")
     (tmp_path / "walk_a.ply").touch()
     with pytest.warns(UserWarning, match=r"4 more files .* walk_0003.ply to walk_0006.ply"):
-        take.part(0, 3).export(tmp_path / "walk.ply")
+        files = take.part(0, 3).export(tmp_path / "walk.ply")
+    assert [file.name for file in files] == ["walk_0000.ply", "walk_0001.ply", "walk_0002.ply"]
+    # They are told of, not taken away.
+    names = sorted(file.name for file in tmp_path.glob("walk_0*.ply"))
+    assert names == [f"walk_{frame:04}.ply" for frame in range(FRAMES)]
 
 
 def test_a_rate_is_told_without_the_digits_that_rounding_leaves():

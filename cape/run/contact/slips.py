@@ -5,6 +5,8 @@ was put on around a body lies so, but for what limbs have pinched between them. 
 threads that are too long, as those around a limb are.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -53,10 +55,10 @@ class Slips:
         self.of_vertices[more] = found[more]
         return bool(more.any())
 
-    def go_on(self, long: NDArray[np.bool_], pose: Pose) -> None:
-        """Let what limbs are through at a frame's end slip on, and what they are no longer through be."""
+    def go_on(self, long: Callable[[], NDArray[np.bool_]], pose: Pose) -> None:
+        """Let what slips off limbs go on as long as they are through it at a frame's end; `long` is asked only then."""
         if (self.of_vertices != NOT).any():
-            self.of_vertices[:] = self._find(long, pose)
+            self.of_vertices[:] = self._find(long(), pose)
 
     def _find(self, long: NDArray[np.bool_], pose: Pose) -> IntArray:
         """What slips, or is to, with the bones at a pose: a collider for each vertex, `NOT` for none, shape (N,).
@@ -70,7 +72,7 @@ class Slips:
         places = np.stack(self._state[:3], axis=1).astype(float)
         corners = places[chosen]
         first = corners[:, 0]
-        reach = np.sqrt(np.square(corners - corners[:, :1]).sum(axis=2).max(initial=0.0))
+        reach = np.sqrt(np.square(corners - first[:, None]).sum(axis=2).max(initial=0.0))
         for c, bone, shape, start, end in self._limbs:
             turn, origin = pose.rotations_wxyz[bone], pose.positions[bone]
             own = np.flatnonzero(self.of_vertices == c)
