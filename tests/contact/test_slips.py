@@ -6,7 +6,8 @@ import pytest
 import cape
 from cape import Capsule, Cloth, Pose, Scene, Simulation, attach
 from cape.kernels.contact.slip import NOT
-from cape.run.contact.slips import Slips
+from cape.kernels.state import State
+from cape.run.contact.slips import Slips, boxes_that_meet
 
 SPACING, RADIUS, THICKNESS = 0.05, 0.04, 0.01  # m
 BEHIND, BEYOND = 0.15, 0.08  # m, of the limb's joint and its tip on either side of the sheet
@@ -74,6 +75,37 @@ def test_a_cloth_slips_off_a_limb_that_is_through_it(solver: str, ways: float):
     beyond = ways * pierced.simulation.positions[:, 1] > BEYOND - RADIUS
     assert beyond.sum() >= 3
     assert max(pierced.go(12)) <= LIMIT
+
+
+def test_boxes_that_meet_are_those_that_share_a_point():
+    rng = np.random.default_rng(8)
+    one, other = rng.uniform(size=(40, 2, 3)), rng.uniform(size=(30, 3, 3))
+    one[:, 1] = one[:, 0] + 0.4 * (one[:, 1] - one[:, 0])
+    expected = [
+        (k, n)
+        for k, a in enumerate(one)
+        for n, b in enumerate(other)
+        if all(max(a[:, d].min(), b[:, d].min()) <= min(a[:, d].max(), b[:, d].max()) for d in range(3))
+    ]
+    assert 0 < len(expected) < 1200
+    assert list(zip(*boxes_that_meet(one, other), strict=True)) == expected
+    assert [len(each) for each in boxes_that_meet(one, other[:0])] == [0, 0]
+
+
+def test_a_frame_is_taken_again_only_where_a_limb_newly_goes_through():
+    """What else a limb goes through that something slips off already slips as well, but not from a frame earlier."""
+    pierced = Pierced()
+    pierced.go(2)
+    places = pierced.simulation.positions.T
+    slips = Slips(pierced.simulation.assembly, State(*places, *np.zeros_like(places)))
+    slipping = np.flatnonzero(slips.of_vertices != NOT)
+    assert len(slipping) == 3
+    long = np.ones(len(slips.of_vertices), bool)
+    slips.of_vertices[slipping[0]] = NOT
+    assert not slips.begin(long, pierced.pose)
+    assert slips.of_vertices[slipping[0]] != NOT
+    slips.of_vertices[:] = NOT
+    assert slips.begin(long, pierced.pose)
 
 
 def test_what_is_not_kept_short_goes_on_as_it_was(monkeypatch: pytest.MonkeyPatch):

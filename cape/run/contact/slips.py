@@ -34,26 +34,33 @@ class Slips:
         """Note the limbs among a scene's colliders, none of whose cloth slips yet."""
         colliders, self._state = assembly.contacts.colliders, state
         self._free, self._triangles = assembly.free, assembly.cloth.triangles
-        self._limbs: list[tuple[int, int, Bounded, FloatArray, FloatArray]] = []
+        limbs, bones, starts, ends = [], [], [], []
         if colliders is None:
             self.of_vertices = np.full(len(state.x), NOT)
-            return
-        self.of_vertices = colliders.slips
-        for c, shape in enumerate(assembly.scene.colliders):
-            record = colliders.records[c]
-            if isinstance(shape, Bounded) and record.tip.any():
-                middle, reach = shape.ball()
-                half = (reach - record.core) * (np.asarray(record.frame) @ record.tip)
-                self._limbs.append((c, int(record.bone), shape, middle - half, middle + half))
+        else:
+            self.of_vertices = colliders.slips
+            for c, shape in enumerate(assembly.scene.colliders):
+                record = colliders.records[c]
+                if isinstance(shape, Bounded) and record.tip.any():
+                    middle, reach = shape.ball()
+                    half = (reach - record.core) * (np.asarray(record.frame) @ record.tip)
+                    limbs.append((c, shape))
+                    bones.append(int(record.bone))
+                    starts.append(middle - half)
+                    ends.append(middle + half)
+        self._limbs: list[tuple[int, Bounded]] = limbs
+        self._bones = np.array(bones, np.int64)
+        self._lines = np.array([starts, ends]).reshape(2, -1, 3)  # of their middles, in their bones [m]
 
     def begin(self, long: NDArray[np.bool_], pose: Pose) -> bool:
-        """Let what limbs have gone through slip, besides what does already; tells whether there is any such."""
+        """Let what limbs have gone through slip; tells whether any does off a limb that nothing slipped off before."""
         if not long.any():
             return False
         found = self._find(long, pose)
         more = (found != NOT) & (found != self.of_vertices)
+        anew = more & ~np.isin(found, self.of_vertices)
         self.of_vertices[more] = found[more]
-        return bool(more.any())
+        return bool(anew.any())
 
     def go_on(self, long: Callable[[], NDArray[np.bool_]], pose: Pose) -> None:
         """Let what slips off limbs go on as long as they are through it at a frame's end; `long` is asked only then."""
@@ -68,27 +75,32 @@ class Slips:
         """
         found = np.full_like(self.of_vertices, NOT)
         slipping = self.of_vertices != NOT
-        chosen = self._triangles[(long | slipping)[self._triangles].any(axis=1)]
         places = np.stack(self._state[:3], axis=1).astype(float)
-        corners = places[chosen]
-        first = corners[:, 0]
-        reach = np.sqrt(np.square(corners - first[:, None]).sum(axis=2).max(initial=0.0))
-        for c, bone, shape, start, end in self._limbs:
-            turn, origin = pose.rotations_wxyz[bone], pose.positions[bone]
-            own = np.flatnonzero(self.of_vertices == c)
+        turns, origins = pose.rotations_wxyz[self._bones], pose.positions[self._bones]
+        for k, (c, shape) in enumerate(self._limbs):
+            own = np.flatnonzero(self.of_vertices == c) if slipping.any() else ()
             if len(own):
-                in_bone = quaternions.rotate(quaternions.conjugate(turn), places[own] - origin)
+                in_bone = quaternions.rotate(quaternions.conjugate(turns[k]), places[own] - origins[k])
                 found[own[signed_distance(shape, in_bone) < 0.0]] = c
-            begins, ends = (origin + quaternions.rotate(turn, place) for place in (start, end))
-            length = float(np.linalg.norm(ends - begins))
-            if length == 0.0:
-                continue
-            # Their first corners lie in the box around the limb's middle line, but for what a triangle reaches.
-            low, high = np.minimum(begins, ends) - reach, np.maximum(begins, ends) + reach
-            near = np.flatnonzero((first[:, 2] >= low[2]) & (first[:, 2] <= high[2]))
-            near = near[((first[near] >= low) & (first[near] <= high)).all(axis=1)]
-            if len(near):
-                ways = ray_hits(begins[None], (ends - begins)[None] / length, corners[near][None])[0]
-                found[chosen[near[ways <= length]]] = c
+        chosen = self._triangles[(long | slipping)[self._triangles].any(axis=1)]
+        begins, ends = origins + quaternions.rotate(turns, self._lines)
+        limbs, rows = boxes_that_meet(np.stack([begins, ends], axis=1), places[chosen])
+        ways = ends[limbs] - begins[limbs]
+        lengths = np.linalg.norm(ways, axis=1)
+        with np.errstate(invalid="ignore"):  # of a limb without length, which meets nothing
+            hits = ray_hits(begins[limbs], ways / lengths[:, None], places[chosen[rows]][:, None])[:, 0]
+        through = hits <= lengths
+        names = np.array([c for c, _ in self._limbs], np.int64)
+        found[chosen[rows[through]]] = names[limbs[through], None]
         found[~self._free] = NOT
         return found
+
+
+def boxes_that_meet(one: FloatArray, other: FloatArray) -> tuple[IntArray, IntArray]:
+    """Which of m sets of points (m, a, 3) have boxes that meet those of which of n (n, b, 3): in order, (k,) and (k,)."""
+    (low, high), (least, most) = ((points.min(axis=1), points.max(axis=1)) for points in (one, other))
+    meet = np.ones((len(one), len(other)), bool)
+    for axis in range(3):
+        meet &= (low[:, None, axis] <= most[:, axis]) & (least[:, axis] <= high[:, None, axis])
+    first, second = np.nonzero(meet)
+    return first, second
