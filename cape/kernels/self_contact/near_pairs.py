@@ -168,8 +168,11 @@ def list_faces(layers, count, inverse_mass, reach):
         gx, gy, gz, _, _, _, _ = from_triangle(i, a, b, c, p[0], p[1], p[2])
         if gx * gx + gy * gy + gz * gz > most * most:
             continue
-        rx, ry, rz, _, _, _, _ = from_triangle(i, a, b, c, rest[0], rest[1], rest[2])
-        if rx * rx + ry * ry + rz * rz >= layers.thickness**2 and is_movable(i, a, b, c, inverse_mass):
+        if not is_beyond_triangle(i, a, b, c, rest[0], rest[1], rest[2], layers.thickness):
+            rx, ry, rz, _, _, _, _ = from_triangle(i, a, b, c, rest[0], rest[1], rest[2])
+            if rx * rx + ry * ry + rz * rz < layers.thickness**2:
+                continue
+        if is_movable(i, a, b, c, inverse_mass):
             append(layers.faces, i, t, gx, gy, gz)
 
 
@@ -189,8 +192,11 @@ def list_edges(layers, count, inverse_mass, reach):
         gx, gy, gz, _, _, _ = from_edge(a, b, c, d, p[0], p[1], p[2])
         if gx * gx + gy * gy + gz * gz > most * most:
             continue
-        rx, ry, rz, _, _, _ = from_edge(a, b, c, d, rest[0], rest[1], rest[2])
-        if rx * rx + ry * ry + rz * rz >= layers.thickness**2 and is_movable(a, b, c, d, inverse_mass):
+        if not is_beyond_edge(a, b, c, d, rest[0], rest[1], rest[2], layers.thickness):
+            rx, ry, rz, _, _, _ = from_edge(a, b, c, d, rest[0], rest[1], rest[2])
+            if rx * rx + ry * ry + rz * rz < layers.thickness**2:
+                continue
+        if is_movable(a, b, c, d, inverse_mass):
             append(layers.edges, e, f, gx, gy, gz)
 
 

@@ -43,7 +43,7 @@ from cape.kernels.state import State
 LONGEST = 5e-3
 CALM = 3e-3  # s; so far apart are beats at most, and looks at pairs that aren't due yet, where steps are short
 # s that vertices are foreseen to go on at most; longer ones need fewer searches, which list more. They are foreseen for
-# no longer than the last list served: where cloth whips about none does for long, whatever it lists.
+# no longer than a look more than the last list served: where cloth whips about none does for long, whatever it lists.
 HORIZON = 6e-3
 ACCELERATION = 20.0  # m/s2 that two points may have towards each other before their pair is looked at again
 SLACK = 0.02  # of the thickness, by which touching layers may sink in or be apart
@@ -251,7 +251,7 @@ def keep_apart(g, team, substep, substeps, step):
             clock[SINCE] = 0.0
         looks = remaining % every == 0 or clock[SEARCHES] == 0.0
         if looks and not is_foreseen(s, layers.sight.places, every * step, 0.5 * layers.margin):
-            clock[AHEAD] = min(clock[NOW] - clock[SOUGHT], HORIZON)
+            clock[AHEAD] = min(clock[NOW] - clock[SOUGHT] + every * step, HORIZON)
             clock[SOUGHT] = clock[NOW]
             run(g.search, team, substep, substeps, step)
             clock[DUE] = 0.0
