@@ -97,7 +97,7 @@ class Slips:
 
 
 def boxes_that_meet(one: FloatArray, other: FloatArray) -> tuple[IntArray, IntArray]:
-    """Which of m sets of points (m, a, 3) have boxes that meet those of which of n (n, b, 3): in order, (k,) and (k,)."""
+    """Which of m sets of points (m, a, 3) have boxes that meet those of which of n (n, b, 3): in order, each (k,)."""
     (low, high), (least, most) = ((points.min(axis=1), points.max(axis=1)) for points in (one, other))
     meet = np.ones((len(one), len(other)), bool)
     for axis in range(3):
