@@ -136,6 +136,7 @@ def _colliders(scene: Scene, vertices: int, shared: dict[str, Any]) -> tuple[Col
         before=np.zeros((6, TILE)),
         pinched=np.zeros(vertices, dtype=bool),
         slips=np.full(vertices, NOT, dtype=np.int64),
+        beyond=np.full(count, NOT, dtype=np.int64),
         **shared,
     )
     return colliders, layouts

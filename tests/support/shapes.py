@@ -242,6 +242,7 @@ def _noted(rows: Any, tiles: int) -> Colliders:
         between=np.ones(tiles, bool),
         pinched=np.zeros(TILE * tiles, bool),
         slips=np.full(TILE * tiles, NOT),
+        beyond=np.full(count, NOT),
     )
 
 

@@ -67,7 +67,8 @@ class Colliders(NamedTuple):
     which it was hit hard, at last of all tiles. `hot` (C + 1,), how many a tile is about to touch, and which; `points`,
     room for its vertices as seen from one of them; `touches`, how many have touched each, and `before` (6, tile), where
     it was then and how fast. `between` (T,), which tiles two touched last; `pinched` (V,), which vertices two pinched;
-    `slips` (V,), the collider that each slips off, -1 for none (see `contact.slip`).
+    `slips` (V,), the collider that each slips off, and `beyond` (C,), the one that goes on where a limb ends, -1 for
+    none (see `contact.slip`).
     """
 
     records: Any  # a record array
@@ -84,6 +85,7 @@ class Colliders(NamedTuple):
     between: NDArray[np.bool_]
     pinched: NDArray[np.bool_]
     slips: NDArray[np.int64]
+    beyond: NDArray[np.int64]
 
 
 class Faces(NamedTuple):

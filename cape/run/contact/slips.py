@@ -34,11 +34,11 @@ class Slips:
         """Note the limbs among a scene's colliders, none of whose cloth slips yet."""
         colliders, self._state = assembly.contacts.colliders, state
         self._free, self._triangles = assembly.free, assembly.cloth.triangles
-        limbs, bones, starts, ends = [], [], [], []
+        limbs, bones, cores, starts, ends = [], [], [], [], []
         if colliders is None:
-            self.of_vertices = np.full(len(state.x), NOT)
+            self.of_vertices, self._beyond = np.full(len(state.x), NOT), np.empty(0, np.int64)
         else:
-            self.of_vertices = colliders.slips
+            self.of_vertices, self._beyond = colliders.slips, colliders.beyond
             for c, shape in enumerate(assembly.scene.colliders):
                 record = colliders.records[c]
                 if isinstance(shape, Bounded) and record.tip.any():
@@ -46,10 +46,12 @@ class Slips:
                     half = (reach - record.core) * (np.asarray(record.frame) @ record.tip)
                     limbs.append((c, shape))
                     bones.append(int(record.bone))
+                    cores.append(float(record.core))
                     starts.append(middle - half)
                     ends.append(middle + half)
         self._limbs: list[tuple[int, Bounded]] = limbs
-        self._bones = np.array(bones, np.int64)
+        self._names, self._bones = np.array([c for c, _ in limbs], np.int64), np.array(bones, np.int64)
+        self._cores = np.array(cores)  # how far a limb's surface is from its middle line [m]
         self._lines = np.array([starts, ends]).reshape(2, -1, 3)  # of their middles, in their bones [m]
 
     def begin(self, long: NDArray[np.bool_], pose: Pose) -> bool:
@@ -77,11 +79,14 @@ class Slips:
         slipping = self.of_vertices != NOT
         places = np.stack(self._state[:3], axis=1).astype(float)
         turns, origins = pose.rotations_wxyz[self._bones], pose.positions[self._bones]
-        for k, (c, shape) in enumerate(self._limbs):
-            own = np.flatnonzero(self.of_vertices == c) if slipping.any() else ()
-            if len(own):
-                in_bone = quaternions.rotate(quaternions.conjugate(turns[k]), places[own] - origins[k])
-                found[own[signed_distance(shape, in_bone) < 0.0]] = c
+        if slipping.any():
+            for k, (c, shape) in enumerate(self._limbs):
+                own = np.flatnonzero((self.of_vertices == c) | (self._beyond[self.of_vertices] == c) & slipping)
+                if len(own):
+                    in_bone = quaternions.rotate(quaternions.conjugate(turns[k]), places[own] - origins[k])
+                    own = own[signed_distance(shape, in_bone) < 0.0]
+                    # In what comes first of two limbs that meet, it goes on as it did.
+                    found[own[(found[own] == NOT) | (self.of_vertices[own] == c)]] = c
         chosen = self._triangles[(long | slipping)[self._triangles].any(axis=1)]
         begins, ends = origins + quaternions.rotate(turns, self._lines)
         limbs, rows = boxes_that_meet(np.stack([begins, ends], axis=1), places[chosen])
@@ -90,10 +95,19 @@ class Slips:
         with np.errstate(invalid="ignore"):  # of a limb without length, which meets nothing
             hits = ray_hits(begins[limbs], ways / lengths[:, None], places[chosen[rows]][:, None])[:, 0]
         through = hits <= lengths
-        names = np.array([c for c, _ in self._limbs], np.int64)
-        found[chosen[rows[through]]] = names[limbs[through], None]
+        found[chosen[rows[through]]] = self._names[limbs[through], None]
         found[~self._free] = NOT
+        if (found != NOT).any():
+            self._join(begins, ends)
         return found
+
+    def _join(self, begins: FloatArray, ends: FloatArray) -> None:
+        """Note which limb goes on where another one ends: the one that begins there, as a hand does in a wrist."""
+        off = np.linalg.norm(ends[:, None] - begins, axis=2)
+        off[(off > self._cores) | np.eye(len(off), dtype=bool)] = np.inf
+        nearest = off.argmin(axis=1)
+        joined = np.isfinite(off.min(axis=1))
+        self._beyond[self._names] = np.where(joined, self._names[nearest], NOT)
 
 
 def boxes_that_meet(one: FloatArray, other: FloatArray) -> tuple[IntArray, IntArray]:
