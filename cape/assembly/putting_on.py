@@ -197,18 +197,20 @@ def _lift(scene: Scene, pose: Pose, neckline: FloatArray) -> FloatArray:
     rotation = _wearer(scene, pose)[0]
     forward, up = rotation[:, 0], rotation[:, 2]
     for height in np.arange(0.0, HIGHEST_LIFT, LIFT_STEP):
-        if not _touches(scene, pose, neckline + height * up):
+        if not touches(scene, pose, neckline + height * up):
             return height * up
     heights, ways = (axis.ravel() for axis in np.mgrid[0:FARTHEST:FAR_STEP, 0:FARTHEST:FAR_STEP])
     for k in np.argsort(np.hypot(heights, BACK_COST * ways), kind="stable"):
         shift = heights[k] * up - ways[k] * forward
-        if not _touches(scene, pose, neckline + shift):
+        if not touches(scene, pose, neckline + shift):
             return shift
     return np.zeros(3)
 
 
-def _touches(scene: Scene, pose: Pose, points: FloatArray) -> bool:
+def touches(scene: Scene, pose: Pose, points: FloatArray) -> bool:
     """Tell whether one of the points in the world [m], shape (n, 3), is within the scene's thickness of a collider."""
+    if not len(points):
+        return False
     return any((distances < scene.thickness).any() for distances in _distances(scene, pose, points, scene.thickness))
 
 

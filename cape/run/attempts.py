@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.assembly.putting_on import touches
 from cape.kernels.bones import Motion
 from cape.run.hanging import Hanging
 from cape.run.whereabouts import Diverged, Moment
@@ -77,7 +78,7 @@ def take_frame(cloth: Hanging, motion: Motion, dt: float, substeps: int, before:
             unconverged, sound = cloth.complete(motion, dt, substeps, before)
         patience = WHIRL_RETRIES if cloth.whirls() else CONVERGENCE_RETRIES if unconverged else 0
         if sound and attempt >= patience:
-            cloth.limit.rest()
+            cloth.limit.rest(lambda points: touches(cloth.assembly.scene, end, points))
             cloth.limit.lasting = lasting
             cloth.slips.go_on(cloth.limit.long, end)
             cloth.note_lift(dt)

@@ -396,7 +396,7 @@ class Hanging:
         kept = None if known is None else self_contact.keep(known)
         state, pinched, drawn = tuple(c.copy() for c in self.state), self._pinched.copy(), self.running.drawn.by.copy()
         return Moment(
-            state, kept, pinched, self.slips.of_vertices.copy(), drawn, self.limit.acts, self.limit.lasting,
+            state, kept, pinched, self.slips.of_vertices.copy(), drawn, self.limit.idle, self.limit.lasting,
             self._center, self.strained,
         )  # fmt: skip
 
@@ -407,7 +407,7 @@ class Hanging:
         self._center, self.strained = before.center, before.strained
         self._pinched[:], self.slips.of_vertices[:] = before.pinched, before.slips
         self.running.drawn.by[:] = before.drawn
-        self.limit.acts, self.limit.lasting = before.limited, before.lasting
+        self.limit.idle, self.limit.lasting = before.idle, before.lasting
         if self.assembly.layers is not None and before.layers is not None:
             self_contact.put_back(self.assembly.layers, before.layers)
 

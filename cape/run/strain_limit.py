@@ -1,7 +1,7 @@
 """Strain from frame to frame: whether any spring is too long, and threads under a limit, if shorter steps would help
 or it can't be kept at all."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -17,6 +17,7 @@ from cape.kernels.store import Request
 
 LEFT = 0.01  # strain beyond their limit that is left where shorter steps have not helped for some time
 TUG = 12  # frames in a row in which threads are too long, after which it is no tug, but a body that they lie around
+IDLE = 12  # frames after which a limit that could not be kept is tried again
 TORN = 0.1  # strain beyond their limit at which a few threads bear what others are not let to
 
 
@@ -49,7 +50,7 @@ class StrainLimit:
         self._most = of_vertices(assembly.cloth, lambda f: max(f.limit_warp, f.limit_weft), self._first)
         self._state, self._colliders = state, assembly.contacts.colliders
         self._longest, self._usual = longest, [each.copy() for each in longest]
-        self._acts, self.lasting = len(longest) > 0, 0
+        self._idle, self.lasting = 0, 0
         # Where threads have limits of their own, lengths that they may get are told in place of those at rest.
         alike = self._most.ndim == 0
         rest, most = (self._rest, float(self._most)) if alike else ((1.0 + self._most) * self._rest, 0.0)
@@ -63,24 +64,33 @@ class StrainLimit:
     @property
     def acts(self) -> bool:
         """Whether steps hold threads short; where they may and don't, threads are left to their stiffness."""
-        return self._acts
+        return len(self._longest) > 0 and self._idle == 0
 
     @acts.setter
     def acts(self, acts: bool) -> None:
-        if self._longest and acts != self._acts:
+        self.idle = 0 if acts else max(self._idle, 1)
+
+    @property
+    def idle(self) -> int:
+        """For how many frames threads have been left to their stiffness, 0 where steps hold them short."""
+        return self._idle
+
+    @idle.setter
+    def idle(self, idle: int) -> None:
+        if (idle == 0) != (self._idle == 0):
             for now, usual in zip(self._longest, self._usual, strict=True):
-                now[:] = usual if acts else np.inf
-            self._acts = acts
+                now[:] = usual if idle == 0 else np.inf
+        self._idle = idle
 
     @contextmanager
     def refitted(self, springs: Springs) -> Iterator[None]:
         """Let what threads may get to be changed within, and know which vertices these lead to then."""
-        acts, self.acts = self._acts, True
+        idle, self.idle = self._idle, 0
         yield
         for now, usual in zip(self._longest, self._usual, strict=True):
             usual[:] = now
         self._first[:], self._second[:] = springs.first[self._chosen], springs.second[self._chosen]
-        self.acts = acts
+        self.idle = idle
 
     def is_too_much(self, excess: float) -> bool:
         """Tell whether an `excess` is one for which shorter steps are worth while.
@@ -94,7 +104,7 @@ class StrainLimit:
 
         Those are the ones that no two limbs pinch.
         """
-        if not self._acts or not self._any():
+        if not self.acts or not self._any():
             return 0.0
         beyond = self._strains() - self._most
         if self._colliders is not None:
@@ -112,12 +122,23 @@ class StrainLimit:
 
     def torn(self) -> bool:
         """Tell whether some bear far more than the limit, as where limbs draw out more than all together may give."""
-        return self._acts and bool(self._any()) and bool((self._strains() > self._most + TORN).any())
+        return self.acts and bool(self._any()) and bool((self._strains() > self._most + TORN).any())
 
-    def rest(self) -> None:
-        """Limit threads again, once their stiffness alone has brought them back to what they may bear."""
-        if self._longest and not self._acts and not self._any():
-            self.acts = True
+    def rest(self, touches: Callable[[NDArray[np.float64]], bool]) -> None:
+        """Limit threads again at the end of a frame, once their stiffness alone has brought them back to what they may
+        bear; or after some frames, as in few steps that may never do so, if no limb draws them out any more.
+
+        `touches` tells whether any of some points [m], shape (n, 3), touches a collider.
+        """
+        if self._idle:
+            again = not self._any() or (self._idle % IDLE == 0 and not touches(self._torn_ones()))
+            self.idle = 0 if again else self._idle + 1
+
+    def _torn_ones(self) -> NDArray[np.float64]:
+        """The ends and middles of threads that bear far more than the limit [m], shape (n, 3)."""
+        places, chosen = np.stack(self._state[:3], axis=1).astype(float), self._strains() > self._most + TORN
+        first, second = places[self._first[chosen]], places[self._second[chosen]]
+        return np.concatenate([first, 0.5 * (first + second), second])
 
     def _strains(self) -> NDArray[np.float64]:
         places = np.stack(self._state[:3], axis=1).astype(float)

@@ -16,15 +16,15 @@ FloatArray = NDArray[np.float64]
 
 class Moment(NamedTuple):
     """The state at some time, and what was known then: how the cloth touches itself, which vertices two colliders
-    pinch, which slip off one, by how far threads have drawn them, if they are limited and for how many frames they have
-    been too long nevertheless, where it is, if it is strained."""
+    pinch, which slip off one, by how far threads have drawn them, for how many frames they have not been limited, or
+    have been too long nevertheless, where it is, if it is strained."""
 
     state: tuple[NDArray[np.floating], ...]
     layers: self_contact.Kept | None
     pinched: NDArray[np.bool_]
     slips: NDArray[np.int64]
     drawn: FloatArray
-    limited: bool
+    idle: int
     lasting: int
     center: FloatArray
     strained: bool

@@ -16,6 +16,7 @@ from cape.cloth.fabrics import FABRICS
 from cape.kernels.solve.strain_limit import LEAST, RETURN, SLACK, Limited, limit_across, limit_down
 from cape.kernels.state import State
 from cape.kernels.team import Team
+from cape.run.strain_limit import IDLE
 from motions.errors import ValueRangeError
 from tests.support.scenes import Run, every_solver, grid_cloth, mesh_cloth
 
@@ -234,6 +235,23 @@ def test_a_strip_that_is_dropped_into_its_hold_stays_near_the_limit():
     # much 1 % is left.
     assert thrown(True) < 0.05
     assert thrown(True, speed=4.0) < 0.042
+
+
+def test_a_limit_that_could_not_be_kept_is_tried_again_where_stiffness_alone_is_too_little():
+    """Under its own weight the strip is strained by 6.5 % at its upper end."""
+    fabric = Fabric(stretch=30.0, shear=10.0, damping_time=0.05, strain_limit=0.04)
+    simulation = Simulation(strip(fabric, limit=True), solver=EULER, threads=1, cuts=None)
+    hand = {"hand": ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])}
+    simulation.start(hand, settle=0.0)
+    limit, strains = simulation._started.limit, []
+    for frame in range(4 * IDLE):
+        if frame == IDLE:
+            limit.acts = False
+        simulation.step(hand, FRAME)
+        strains.append(strain(simulation.scene, simulation.positions))
+    assert max(strains[IDLE : 2 * IDLE]) > 0.06
+    assert limit.acts
+    assert max(strains[-IDLE:]) < 0.041
 
 
 @every_solver
