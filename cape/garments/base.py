@@ -92,8 +92,10 @@ class Garment:
         name: as it is asked for.
         title: what it is, in a line.
         fit: cuts it for a body.
+        under_arms: arms hang over it, and not it over them.
     """
 
     name: str
     title: str
     fit: Callable[[Fitted, Measures], Worn]
+    under_arms: bool = False

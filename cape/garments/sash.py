@@ -97,4 +97,4 @@ def _loop(body: Fitted, middle: FloatArray, up: FloatArray, clearance: float) ->
     return np.concatenate([corners, corners[:1]])
 
 
-SASH = Garment("sash", "a band from the left shoulder across chest and back to the right hip", fit)
+SASH = Garment("sash", "a band from the left shoulder across chest and back to the right hip", fit, under_arms=True)

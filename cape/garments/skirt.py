@@ -127,4 +127,4 @@ def _girth(outline: tuple[FloatArray, FloatArray]) -> float:
     return tailoring.length_of(np.concatenate([places, places[:1]]))
 
 
-SKIRT = Garment("skirt", "hangs from the waist around the hips, and flares to the knees", fit)
+SKIRT = Garment("skirt", "hangs from the waist around the hips, and flares to the knees", fit, under_arms=True)

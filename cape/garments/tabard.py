@@ -212,5 +212,8 @@ def _laid(profiles: FloatArray, flat: FloatArray, half: float, length: float) ->
 
 
 TABARD = Garment(
-    "tabard", "a front and a back panel from the shoulders to above the knees, belted, open at the sides", fit
+    "tabard",
+    "a front and a back panel from the shoulders to above the knees, belted, open at the sides",
+    fit,
+    under_arms=True,
 )

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.cloth.cloth import Cloth
+from cape.garments.registry import garment
 from cape.measure.self_crossings import self_crossings
 from cape.outfits.combined import Outfit, Part, combined, started_at
 from cape.outfits.girding import WAIST, Band, bulges, gathered, hangs_out, upright_box
@@ -71,6 +72,8 @@ def dress_in(body: "Skeleton", track: BoneTrack, garments: Sequence[str], **opti
     own = {name: options.pop(name, None) for name in ("length", "flare", "hold")}
     skin = options.pop("colliders", None) or body.capsules()
     fabrics = fabric_of_each(options.pop("fabric", None), garments)
+    if options.get("under_arms") is None:
+        options["under_arms"] = all(garment(name).under_arms for name in garments)
     tearing, limited = options.pop("tearing", None), options.get("strain_limit")
 
     def cut(level: int, room: float) -> Scene:

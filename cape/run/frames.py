@@ -158,7 +158,7 @@ class Frames:
             solve_s=self._solve_s,
             thickness=scene.thickness,
             held=np.flatnonzero(simulation.assembly.outwards(simulation.assembly.inverse_mass) == 0.0),
-            left_out={} if reach is None else reach.left_out,
+            left_out={**scene.left_out, **({} if reach is None else reach.left_out)},
             contacts=self._contacts.all(frames, first),
             jumps=tuple(frame - first for frame in self._jumps if first <= frame < frames),
             renewed=tuple(frame - first for frame in self._renewed if first <= frame < frames),

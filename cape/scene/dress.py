@@ -22,6 +22,7 @@ from cape.scene.tearing import Tearing
 from motions.border import checked_first
 from motions.errors import ValueRangeError
 from skeleton import proportions
+from skeleton.checks.arms import passing_arms
 from skeleton.rest import FRAME_ROLES
 from skeleton.track import BoneTrack
 
@@ -46,6 +47,7 @@ def dress(
     strain_limit: bool | None = None,
     hold: Mapping[str, str] | None = None,
     tearing: Tearing | None = None,
+    under_arms: bool | None = None,
 ) -> Scene:
     """Cut a cape for a body and build the scene in which it wears it.
 
@@ -71,6 +73,8 @@ def dress(
             {"collar": "neck"}: in place of the bone that does by itself, if any. What another part already holds stays.
         strain_limit: whether threads stop stretching at the limits of their fabric; None for unless they may part.
         tearing: when the cloth parts; None for never.
+        under_arms: whether arms that pass through trunk or legs, as a robot's may, are left out of the colliders from
+            where they do on, as there is no place for cloth in between; None where arms hang over all that is worn.
 
     Raises:
         ValueRangeError: a size is out of range, garments can't be worn over each other, or a fabric is given for
@@ -84,6 +88,7 @@ def dress(
         return dress_in(
             body, track, garments, length=length, flare=flare, spacing=spacing, fabric=fabric, colliders=colliders,
             wind=wind, self_contact=self_contact, strain_limit=strain_limit, hold=hold, tearing=tearing,
+            under_arms=under_arms,
         )  # fmt: skip
     kind = registry.garment(garment)
     body.require_roles((*WEARER_ROLES, *FRAME_ROLES))
@@ -98,17 +103,21 @@ def dress(
     for bone in hold.values():
         body.bone(bone)
     body.require_roles((*(own.bone for own in worn.holds), *(kept.bone for kept in worn.kept)))
+    thickness = Scene.thickness if worn.thickness is None else worn.thickness
+    under_arms = kind.under_arms if under_arms is None else under_arms
+    left_out = passing_arms(body, track, colliders if under_arms else (), deeper=thickness)
     scene = Scene(
         worn.cloth,
         _attachments(worn, hold),
-        (*colliders, floor),
+        (*(collider for collider in colliders if collider.name not in left_out), floor),
         wind=wind or Wind(),
         self_contact=self_contact_of(worn.layered if self_contact is None else self_contact),
-        thickness=Scene.thickness if worn.thickness is None else worn.thickness,
+        thickness=thickness,
         confinements=[confine(worn.cloth, k.bone, k.vertices, max_distance=k.most) for k in worn.kept],
         strain_limit=(tearing is None if strain_limit is None else strain_limit) and worn.cloth.has_threads,
         tearing=tearing,
         wearer=(beginning_of(body, WEARER_ROLES[0]), beginning_of(body, WEARER_ROLES[1]), WEARER_ROLES[2]),
+        left_out=left_out,
     )
     for bone in scene.bones:
         track.index(bone)

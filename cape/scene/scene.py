@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -51,6 +51,7 @@ class Scene:
         strain_limit: whether threads stop stretching at the limits of their fabric (`Fabric.limit_warp`, `limit_weft`),
             or follow their stiffness alone; those of a grid, or of a mesh that tells which of its edges they are.
         tearing: when the cloth parts; None for never.
+        left_out: why solids of the wearer are not among the colliders, by name: to be told.
     """
 
     cloth: Cloth
@@ -67,6 +68,7 @@ class Scene:
     dressing: Mapping[str, tuple[FloatArray, FloatArray]] | None = None
     strain_limit: bool = False
     tearing: Tearing | None = None
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check what can be checked without bones.

@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 from cape.assembly.assemble import Assembly
 from cape.assembly.multigrid.levels import LinkBlocks, lay_out_levels
 from cape.cloth.cloth import GridCloth
+from cape.kernels.cloth.mesh_bending import SIDE
 from cape.kernels.implicit.levels import Above, FirstLevel, gather_level, gather_links, gather_vertices
 from cape.kernels.implicit.multigrid import (
     ByOne,
     by_one,
     find_left,
     finish,
+    pack_residual,
     pull_grid,
     pull_left,
     pull_mesh,
@@ -54,7 +56,8 @@ def levels_of(
     )  # fmt: skip
     if not levels:
         return None
-    first = FirstLevel(matrix, levels[0], links.coefficients, links.stride, terms, between)
+    packed = np.zeros(0 if between is not None else SIDE * (cloth.vertices + 1), matrix.inverse.dtype)
+    first = FirstLevel(matrix, levels[0], links.coefficients, links.stride, terms, between, packed)
     return Levels(first, tuple(Above(finer, level) for finer, level in pairwise(levels)))
 
 
@@ -68,7 +71,7 @@ def multigrid(thread: Thread, levels: Levels | None, linker: Linker) -> tuple[li
     (first, above), pause = levels, wait(thread)
     pull, push = (pull_mesh, push_mesh) if first.between is None else (pull_grid, push_grid)
     gathering = [*pause, Use(gather_links, first), *pause, Use(gather_vertices, first)]
-    correction = [*pause, Use(pull, first)]
+    correction = [*([Use(pack_residual, first)] if first.between is None else []), *pause, Use(pull, first)]
     if above:
         alone = Team.alone(0)
         gather = linker.program([Use(gather_level, level) for level in above])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motions.bodies.roles import SIDES
+from skeleton.checks.arms import forearm_sides
 from skeleton.checks.crossings import NEAR, bones_between
 from skeleton.model import Skeleton
 from skeleton.robot.collision_geometry import add_to_geometry_model
@@ -56,7 +56,7 @@ class Apart:
 
         carried = [solid for solid in solids if solid.bone is not None]
         self._geometry = add_to_geometry_model(carried, body)
-        arms = _arms(body)
+        arms = forearm_sides(body)
         bones = [body.bones.index(solid.bone or "") for solid in carried]
         steps = bones_between(body.parents, bones)
         pairs = [
@@ -122,12 +122,3 @@ class Apart:
         pin.updateGeometryPlacements(model, data, self._geometry, self._seen)
         pin.computeDistances(self._geometry, self._seen)
         return np.array([result.min_distance for result in self._seen.distanceResults])
-
-
-def _arms(body: Skeleton) -> list[str | None]:
-    """The side whose forearm a bone is or hangs from, None for all other bones."""
-    elbows = {body.bones.index(body.roles[role]): side for side in SIDES if (role := f"{side}_forearm") in body.roles}
-    sides: list[str | None] = []
-    for bone, parent in enumerate(body.parents.tolist()):
-        sides.append(elbows.get(bone) or (sides[parent] if parent >= 0 else None))
-    return sides

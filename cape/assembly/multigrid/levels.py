@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cape.assembly.multigrid.coarsening import Aggregation, Hats, coarsen
+from cape.kernels.cloth.mesh_bending import SIDE, SUMS
 from cape.kernels.implicit.levels import Between, Interpolation, Level, Lists
 
 FloatArray = NDArray[np.float64]
@@ -45,15 +46,19 @@ def lay_out_levels(
     """
     levels, place, interpolation = [], links.place, None
     for aggregation in coarsen(links.first, links.second, positions, free, columns=columns):
-        levels.append(_level(aggregation, place, dtype))
+        packed = columns is None and not levels
+        levels.append(_level(aggregation, place, dtype, packed=packed))
         place = np.arange(levels[-1].blocks.shape[1] - 1)
         if aggregation.hats is not None:
             interpolation = _interpolation(*aggregation.hats, ranks, dtype)
     return tuple(levels), interpolation
 
 
-def _level(found: Aggregation, place: IntArray, dtype: type[np.floating]) -> Level:
-    """Lay out a level whose finer links have their blocks at those places; its own are in the order of `coarsen`."""
+def _level(found: Aggregation, place: IntArray, dtype: type[np.floating], *, packed: bool) -> Level:
+    """Lay out a level whose finer links have their blocks at those places; its own are in the order of `coarsen`.
+
+    What it is moved by may be `packed`.
+    """
     count, near, far = found.total, found.label[found.first], found.label[found.second]
     held = far < 0
     pairs, item = np.unique(np.sort(np.stack([near, far], axis=1)[~held], axis=1), axis=0, return_inverse=True)
@@ -71,8 +76,9 @@ def _level(found: Aggregation, place: IntArray, dtype: type[np.floating]) -> Lev
     def rows(*shape: int) -> NDArray[np.floating]:
         return np.zeros(shape, dtype)
 
+    moving = _lists(found.nodes[node, k], node, found.weights[node, k], count, dtype)
     return Level(
-        moving=_lists(found.nodes[node, k], node, found.weights[node, k], count, dtype),
+        moving=_filled_up(moving, len(found.label)) if packed else moving,
         nodes=np.ascontiguousarray(found.nodes.T, np.uint32),
         weights=np.ascontiguousarray(found.weights.T, dtype),
         gathered=_lists(found.label[inner], inner, np.ones(len(inner)), count, dtype),
@@ -113,3 +119,13 @@ def _lists(item: IntArray, members: IntArray, weights: FloatArray, count: int, d
     order = np.argsort(item, kind="stable")
     start = np.concatenate([[0], np.cumsum(np.bincount(item, minlength=count))])
     return Lists(start, members[order].astype(np.uint32), weights[order].astype(dtype))
+
+
+def _filled_up(lists: Lists, nothing: int) -> Lists:
+    """The same lists as places in what is packed, filled up to a multiple of SUMS with an item that is 0."""
+    sizes = np.diff(lists.start)
+    start = np.concatenate([[0], np.cumsum(-(-sizes // SUMS) * SUMS)])
+    places = np.arange(len(lists.members)) + np.repeat(start[:-1] - lists.start[:-1], sizes)
+    members, weights = np.full(start[-1], nothing, np.uint32), np.zeros(start[-1], lists.weights.dtype)
+    members[places], weights[places] = lists.members, lists.weights
+    return Lists(start, np.uint32(SIDE) * members, weights)

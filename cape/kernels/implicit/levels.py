@@ -26,7 +26,10 @@ Indices = NDArray[np.int64]
 
 
 class Lists(NamedTuple):
-    """For each of several items a list: those from `start[k]` to `start[k + 1]` of `members` with `weights`."""
+    """For each of several items a list: those from `start[k]` to `start[k + 1]` of `members` with `weights`.
+
+    Of a mesh's vertices `members` are places in what is packed, a multiple of SUMS of them: see `MeshBends`.
+    """
 
     start: Indices
     members: Numbers
@@ -86,6 +89,7 @@ class Interpolation(NamedTuple):
 class FirstLevel(NamedTuple):
     """A level above the vertices of a cloth. A link's w and c are at its place in `coefficients` and `stride`, 2 and 3
     times `stride` further; `terms` (L,) is room for those of the dot product of r and z. `between` is None for a mesh.
+    `packed` (4 N + 4,) is room for the residual of a mesh's vertices side by side, and a point that stays 0.
     """
 
     matrix: Matrix
@@ -94,6 +98,7 @@ class FirstLevel(NamedTuple):
     stride: int
     terms: Array
     between: Interpolation | None
+    packed: Array
 
 
 class Above(NamedTuple):

@@ -17,8 +17,7 @@ steps converge whatever the cloth does, and need no estimate of eigenvalues.
 
 from typing import NamedTuple
 
-import numpy as np
-
+from cape.kernels.cloth.mesh_bending import SIDE, pack_vectors, row_sum
 from cape.kernels.implicit.levels import sum_lists
 from cape.kernels.jit import kernel, routine, unit
 from cape.kernels.program import Program, run
@@ -166,13 +165,20 @@ def push_nodes(a, b, c, u, v, w, result, moved):
 
 
 @unit
+def pack_residual(g, team, substep, substeps, b):
+    """Lay the residual of a mesh's vertices side by side."""
+    r, lo, hi, front = g.matrix.vectors[1], team.lo, team.hi, g.matrix.front
+    pack_vectors(lo, hi, r[0, front:], r[1, front:], r[2, front:], g.packed)
+
+
+@unit
 def pull_mesh(g, team, substep, substeps, b):
-    """Begin the first level of a mesh with what the residual of the vertices asks of its nodes."""
-    level, moving, r = g.level, g.level.moving, g.matrix.vectors[1]
+    """Begin the first level of a mesh with what the packed residual of the vertices asks of its nodes."""
+    level, moving = g.level, g.level.moving
     lo, hi = share(0, level.own.shape[1], team)
     pull_vertices(
-        lo, hi, g.matrix.front, moving.start, moving.members, moving.weights, r[0], r[1], r[2], level.residual[0],
-        level.residual[1], level.residual[2],
+        lo, hi, moving.start, moving.members, moving.weights, g.packed, level.residual[0], level.residual[1],
+        level.residual[2],
     )  # fmt: skip
     begin(lo, hi, level)
 
@@ -291,16 +297,11 @@ def correct_row(w, free, ax, ay, az, bx, by, bz, rx, ry, rz, zx, zy, zz, terms):
 
 
 @kernel
-def pull_vertices(lo, hi, front, start, members, weights, rx, ry, rz, ox, oy, oz):
-    """Sum what the vertices that each node moves leave over."""
+def pull_vertices(lo, hi, start, members, weights, packed, ox, oy, oz):
+    """Sum what the vertices that each node moves leave over: what is packed, less its last point, which is 0."""
+    nothing = packed.size - SIDE
     for node in range(lo, hi):
-        x = y = z = ox.dtype.type(0)
-        for k in range(start[node], start[node + 1]):
-            i, w = front + np.int64(members[k]), weights[k]
-            x += w * rx[i]
-            y += w * ry[i]
-            z += w * rz[i]
-        ox[node], oy[node], oz[node] = x, y, z
+        ox[node], oy[node], oz[node] = row_sum(members, weights, packed, start[node], start[node + 1], nothing)
 
 
 @kernel
