@@ -14,7 +14,7 @@ from cape.cloth import tailoring
 from cape.cloth.cloth import GridCloth
 from cape.cloth.fabric import Fabric
 from cape.garments.base import Hold, Kept, Measures, Worn
-from cape.garments.fitting import CLEARANCE, Fitted, room_between
+from cape.garments.fitting import CLEARANCE, Fitted, Ring, room_between
 from cape.garments.hood import BROW_STIFFNESS, with_hood
 from motions.errors import ValueRangeError
 
@@ -69,7 +69,7 @@ class Cut:
             clearance=thickness + CLEARANCE,
             fabric=measures.fabric or Fabric(),
         )
-        held = [Hold("chest", "collar", fitted.into_bone("chest", collar))]
+        held = [Hold("chest", "collar", fitted.into_bone("chest", collar), half=fitted.neck_bone)]
         if self.hooded:
             cloth = with_hood(cloth, fitted, spacing=spacing, clearance=thickness + CLEARANCE)
             brow = cloth.region("brow")
@@ -111,8 +111,8 @@ def lay_out(
             hangs from them, or no collar fits the neck.
     """
     tailoring.require_positive(length=length, flare=flare, spacing=spacing)
-    neck, top = fitted.collar(clearance)
-    radius, reach = neck, fitted.girth(clearance)
+    neckline = fitted.collar(clearance)
+    radius, reach = neckline.radius, fitted.girth(clearance)
     if length <= reach - radius:
         raise ValueRangeError(f"a garment {length:.2f} m long ends on the shoulders, {reach - radius:.2f} m wide")
     if length - (reach - radius) < 2.0 * spacing:
@@ -125,15 +125,8 @@ def lay_out(
     rings = np.interp(down, [0.0, max(reach - radius, down[1]), length], [radius, max(reach, radius), hem])
     columns = max(tailoring.cells((begin - end) * float(rings.mean()), spacing), 7) + 1
     angles = np.linspace(begin, end, columns)
-    heights = _heights(fitted, rings, angles, down, edge, top, clearance)
-    places = np.stack(
-        np.broadcast_arrays(
-            fitted.neck[0] - rings[:, None] * np.cos(angles),
-            fitted.neck[1] + rings[:, None] * np.sin(angles),
-            heights,
-        ),
-        axis=-1,
-    )
+    heights = _heights(fitted, rings, angles, down, edge, neckline, clearance)
+    places = fitted.ring(rings[:, None], angles, heights)
     pattern = np.stack(
         np.broadcast_arrays(rings[:, None] * (angles[0] + angles[-1] - 2.0 * angles) / 2.0, down[:, None]), axis=-1
     ).reshape(-1, 2)
@@ -189,14 +182,20 @@ def _gathers(rings: FloatArray, down: FloatArray, edge: int, columns: int) -> Fl
 
 
 def _heights(
-    fitted: Fitted, rings: FloatArray, angles: FloatArray, down: FloatArray, edge: int, top: float, clearance: float
+    fitted: Fitted,
+    rings: FloatArray,
+    angles: FloatArray,
+    down: FloatArray,
+    edge: int,
+    neckline: Ring,
+    clearance: float,
 ) -> FloatArray:
     """Heights of all vertices above the shoulder joints [m], shape (rows, columns).
 
-    Let down from the height `top`, they lie on the body up to the row `edge`, evened out; from there on they hang, as
+    Let down from the `neckline`, they lie on the body up to the row `edge`, evened out; from there on they hang, as
     far down as the rows, which get wider, leave of the way.
     """
-    heights = np.full((len(rings), len(angles)), top)
+    heights = np.tile(neckline.height + neckline.rises(angles), (len(rings), 1))
     for row in range(edge + 1):
         before = heights[max(row - 1, 0)]
         heights[row] = _even(fitted.lie_on(rings[row], angles, clearance, before), angles)
