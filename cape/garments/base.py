@@ -63,11 +63,11 @@ class Hold(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """A bone, by its role, and vertices (n,) that get no farther than `most` [m] from where it would carry them."""
+    """A bone, by its role, and vertices (n,) that get no farther than `most` [m], (n,), from where it carries them."""
 
     bone: str
     vertices: NDArray[np.int64]
-    most: float
+    most: NDArray[np.float64]
 
 
 class Worn(NamedTuple):

@@ -28,7 +28,8 @@ CLASPED = 1.0  # rad around the neck that a clasp may span
 NAPE = 0.5  # rad to either side of the middle of the back: beyond it the neck's sides begin
 STIFF = 0.6  # rad around the neck, over which a collar is even
 LIFTED = 0.031  # of the body's height, by which cloth on top of a shoulder may lift off or slip, as from a shoulder pad
-ON_TOP = 0.04  # of the body's height from a shoulder's joint, seen from above: what lies on top of it
+FIRM = 0.015  # the same right over the joint
+ON_TOP = 0.047  # of the body's height from a shoulder's joint, seen from above: what lies on top of it
 SPACING = 0.0252  # of the body's height, for about as many vertices as a cape that hangs from the shoulders
 
 
@@ -148,7 +149,8 @@ def lay_out(
 
 
 def _kept_on_shoulders(cloth: GridCloth, fitted: Fitted) -> tuple[Kept, ...]:
-    """What lies on top of both shoulders stays near them, however arms that rise push cloth up or draw it off.
+    """What lies on top of both shoulders stays near them, however arms that rise push cloth up or draw it off: the more
+    firmly the nearer to the joint, so that its cover stays there while cloth around may give.
 
     On one shoulder alone it may slip: kept there in a jump, it was strained more, and its layers passed through each
     other in a third of the frames.
@@ -156,10 +158,11 @@ def _kept_on_shoulders(cloth: GridCloth, fitted: Fitted) -> tuple[Kept, ...]:
     kept = []
     for side, left in (("left", 1.0), ("right", -1.0)):
         off = cloth.positions - [0.0, left * fitted.shoulder_width / 2.0, 0.0]
-        near = (np.hypot(off[:, 0], off[:, 1]) < ON_TOP * fitted.height) & (off[:, 2] > 0.0)
-        vertices = np.setdiff1d(np.flatnonzero(near), cloth.region("collar"))
+        aside = np.hypot(off[:, 0], off[:, 1]) / (ON_TOP * fitted.height)
+        vertices = np.setdiff1d(np.flatnonzero((aside < 1.0) & (off[:, 2] > 0.0)), cloth.region("collar"))
         if len(vertices):
-            kept.append(Kept(fitted.carrier(side), vertices, LIFTED * fitted.height))
+            most = np.interp(aside[vertices], [0.0, 1.0], [FIRM, LIFTED]) * fitted.height
+            kept.append(Kept(fitted.carrier(side), vertices, most))
     return tuple(kept) if len(kept) == 2 else ()
 
 
