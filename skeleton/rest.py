@@ -13,6 +13,9 @@ from skeleton import proportions
 
 FloatArray = NDArray[np.float64]
 
+STUB = 0.25  # of the way from a head's joint to its top by proportions: a bone that is no longer only marks the joint
+HAIR_LINE = 0.75  # of that way: heads' bones of many files end in the middle of the head, and would leave it no neck
+
 
 @dataclass(frozen=True, eq=False)
 class RestPose:
@@ -146,10 +149,11 @@ class RestPose:
         reach *= below / (1 - proportions.ANKLE_HEIGHT - reach)
         ends = self.end_offsets[self.end_parents == bone]
         lengths = np.linalg.norm(ends, axis=1)
-        # A stub that only marks the joint is no top of a head.
-        if len(ends) and lengths.max() > reach / 4:
-            return joint + quaternions.rotate(self.rotations_wxyz[bone], ends[np.argmax(lengths)])
-        return joint + reach * self.up
+        # A stub that only marks the joint tells nothing, a bone that ends below the hair line only where it points.
+        if not len(ends) or lengths.max() <= STUB * reach:
+            return joint + reach * self.up
+        longest = quaternions.rotate(self.rotations_wxyz[bone], ends[np.argmax(lengths)])
+        return joint + longest * (reach / lengths.max() if lengths.max() < HAIR_LINE * reach else 1.0)
 
     @property
     def _height_by_arms(self) -> float:

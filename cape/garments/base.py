@@ -52,20 +52,22 @@ class Measures:
 
 class Hold(NamedTuple):
     """A bone, by its role, that holds a region of a garment: at points in its frame [m] (n, 3), None for where it is
-    put on; by springs of a stiffness [N/m] each, None for hard."""
+    put on; by springs of a stiffness [N/m] each, None for hard; half together with another bone, by its name, if any.
+    """
 
     bone: str
     region: str
     points: NDArray[np.float64] | None = None
     stiffness: float | None = None
+    half: str | None = None
 
 
 class Kept(NamedTuple):
-    """A bone, by its role, and vertices (n,) that get no farther than `most` [m] from where it would carry them."""
+    """A bone, by its role, and vertices (n,) that get no farther than `most` [m], (n,), from where it carries them."""
 
     bone: str
     vertices: NDArray[np.int64]
-    most: float
+    most: NDArray[np.float64]
 
 
 class Worn(NamedTuple):

@@ -14,7 +14,7 @@ from cape.cloth import tailoring
 from cape.cloth.cloth import GridCloth
 from cape.cloth.fabric import Fabric
 from cape.garments.base import Hold, Kept, Measures, Worn
-from cape.garments.fitting import CLEARANCE, Fitted, room_between
+from cape.garments.fitting import CLEARANCE, Fitted, Ring, room_between
 from cape.garments.hood import BROW_STIFFNESS, with_hood
 from motions.errors import ValueRangeError
 
@@ -28,7 +28,8 @@ CLASPED = 1.0  # rad around the neck that a clasp may span
 NAPE = 0.5  # rad to either side of the middle of the back: beyond it the neck's sides begin
 STIFF = 0.6  # rad around the neck, over which a collar is even
 LIFTED = 0.031  # of the body's height, by which cloth on top of a shoulder may lift off or slip, as from a shoulder pad
-ON_TOP = 0.04  # of the body's height from a shoulder's joint, seen from above: what lies on top of it
+FIRM = 0.015  # the same right over the joint
+ON_TOP = 0.047  # of the body's height from a shoulder's joint, seen from above: what lies on top of it
 SPACING = 0.0252  # of the body's height, for about as many vertices as a cape that hangs from the shoulders
 
 
@@ -69,7 +70,7 @@ class Cut:
             clearance=thickness + CLEARANCE,
             fabric=measures.fabric or Fabric(),
         )
-        held = [Hold("chest", "collar", fitted.into_bone("chest", collar))]
+        held = [Hold("chest", "collar", fitted.into_bone("chest", collar), half=fitted.neck_bone)]
         if self.hooded:
             cloth = with_hood(cloth, fitted, spacing=spacing, clearance=thickness + CLEARANCE)
             brow = cloth.region("brow")
@@ -111,8 +112,8 @@ def lay_out(
             hangs from them, or no collar fits the neck.
     """
     tailoring.require_positive(length=length, flare=flare, spacing=spacing)
-    neck, top = fitted.collar(clearance)
-    radius, reach = neck, fitted.girth(clearance)
+    neckline = fitted.collar(clearance)
+    radius, reach = neckline.radius, fitted.girth(clearance)
     if length <= reach - radius:
         raise ValueRangeError(f"a garment {length:.2f} m long ends on the shoulders, {reach - radius:.2f} m wide")
     if length - (reach - radius) < 2.0 * spacing:
@@ -125,15 +126,8 @@ def lay_out(
     rings = np.interp(down, [0.0, max(reach - radius, down[1]), length], [radius, max(reach, radius), hem])
     columns = max(tailoring.cells((begin - end) * float(rings.mean()), spacing), 7) + 1
     angles = np.linspace(begin, end, columns)
-    heights = _heights(fitted, rings, angles, down, edge, top, clearance)
-    places = np.stack(
-        np.broadcast_arrays(
-            fitted.neck[0] - rings[:, None] * np.cos(angles),
-            fitted.neck[1] + rings[:, None] * np.sin(angles),
-            heights,
-        ),
-        axis=-1,
-    )
+    heights = _heights(fitted, rings, angles, down, edge, neckline, clearance)
+    places = fitted.ring(rings[:, None], angles, heights)
     pattern = np.stack(
         np.broadcast_arrays(rings[:, None] * (angles[0] + angles[-1] - 2.0 * angles) / 2.0, down[:, None]), axis=-1
     ).reshape(-1, 2)
@@ -155,7 +149,8 @@ def lay_out(
 
 
 def _kept_on_shoulders(cloth: GridCloth, fitted: Fitted) -> tuple[Kept, ...]:
-    """What lies on top of both shoulders stays near them, however arms that rise push cloth up or draw it off.
+    """What lies on top of both shoulders stays near them, however arms that rise push cloth up or draw it off: the more
+    firmly the nearer to the joint, so that its cover stays there while cloth around may give.
 
     On one shoulder alone it may slip: kept there in a jump, it was strained more, and its layers passed through each
     other in a third of the frames.
@@ -163,10 +158,11 @@ def _kept_on_shoulders(cloth: GridCloth, fitted: Fitted) -> tuple[Kept, ...]:
     kept = []
     for side, left in (("left", 1.0), ("right", -1.0)):
         off = cloth.positions - [0.0, left * fitted.shoulder_width / 2.0, 0.0]
-        near = (np.hypot(off[:, 0], off[:, 1]) < ON_TOP * fitted.height) & (off[:, 2] > 0.0)
-        vertices = np.setdiff1d(np.flatnonzero(near), cloth.region("collar"))
+        aside = np.hypot(off[:, 0], off[:, 1]) / (ON_TOP * fitted.height)
+        vertices = np.setdiff1d(np.flatnonzero((aside < 1.0) & (off[:, 2] > 0.0)), cloth.region("collar"))
         if len(vertices):
-            kept.append(Kept(fitted.carrier(side), vertices, LIFTED * fitted.height))
+            most = np.interp(aside[vertices], [0.0, 1.0], [FIRM, LIFTED]) * fitted.height
+            kept.append(Kept(fitted.carrier(side), vertices, most))
     return tuple(kept) if len(kept) == 2 else ()
 
 
@@ -189,14 +185,20 @@ def _gathers(rings: FloatArray, down: FloatArray, edge: int, columns: int) -> Fl
 
 
 def _heights(
-    fitted: Fitted, rings: FloatArray, angles: FloatArray, down: FloatArray, edge: int, top: float, clearance: float
+    fitted: Fitted,
+    rings: FloatArray,
+    angles: FloatArray,
+    down: FloatArray,
+    edge: int,
+    neckline: Ring,
+    clearance: float,
 ) -> FloatArray:
     """Heights of all vertices above the shoulder joints [m], shape (rows, columns).
 
-    Let down from the height `top`, they lie on the body up to the row `edge`, evened out; from there on they hang, as
+    Let down from the `neckline`, they lie on the body up to the row `edge`, evened out; from there on they hang, as
     far down as the rows, which get wider, leave of the way.
     """
-    heights = np.full((len(rings), len(angles)), top)
+    heights = np.tile(neckline.height + neckline.rises(angles), (len(rings), 1))
     for row in range(edge + 1):
         before = heights[max(row - 1, 0)]
         heights[row] = _even(fitted.lie_on(rings[row], angles, clearance, before), angles)

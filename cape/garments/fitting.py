@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ STRIDE = 6  # of these widths, at first: what is clear is so over more
 NEAR = 0.0002  # m from the way out of a body, at which it is found
 HIGHEST, LOWEST = 0.09, -0.04  # of the body's height above the shoulder joints: where a collar may lie
 TALLEST = 0.16  # the same on a trunk that goes on above the shoulders, as a robot's
+STEEPER = (0.0, 0.1, 0.2, 0.3)  # per way ahead: by how much more a collar may fall than one across the neck
 WIDEST = 0.12  # of the body's height: radius of a collar, at most
 NARROWEST = 0.03  # the same, at least
 BROADEST = 0.35  # the same of a ring around the shoulders, at most
@@ -39,6 +40,19 @@ COARSEST = 0.06  # of the body's height: spacing at most
 STRAINED = 1.05  # length of a thread over that at rest, at most
 LEAST = 0.005  # m that colliders stop cloth at in any case: of thick cloth half of its own thickness
 WIDER = 1.3  # width of a cell over the mean spacing
+
+
+class Ring(NamedTuple):
+    """A ring around the neck: its radius and its height beside the neck above the shoulder joints [m], and how much
+    higher it is per way back."""
+
+    radius: float
+    height: float
+    steepness: float
+
+    def rises(self, angles: FloatArray) -> FloatArray:
+        """How much higher than beside the neck it is at angles from the middle of the back [m], shape (n,)."""
+        return self.steepness * self.radius * np.cos(angles)
 
 
 class Fitted:
@@ -101,15 +115,41 @@ class Fitted:
     @cached_property
     def neck(self) -> FloatArray:
         """Where the neck is as high as a collar lies, as seen from above: x and y [m], shape (2,)."""
+        return self.neck_at(np.array(COLLARED * self.height))
+
+    def neck_at(self, heights: FloatArray) -> FloatArray:
+        """Where the middle of the neck is at heights above the shoulder joints [m], shape (...): x and y [m], (..., 2).
+
+        Below its lower joint, which is often between the shoulder blades, it is as there.
+        """
+        start, end, slope = self._neck_line
+        return start[:2] + (np.clip(heights, start[2], max(end[2], start[2])) - start[2])[..., None] * slope
+
+    @property
+    def neck_bone(self) -> str | None:
+        """The bone that carries the neck, the longest up to the head's; None for a body that has no neck of its own."""
+        rest = self._rest
+        if not {"neck", "head"} <= set(rest.roles):
+            return None
+        way = rest.chain(rest.bone("neck"), rest.bone("head"))
+        if len(way) < 2:
+            return None
+        return rest.bones[way[int(np.argmax(np.linalg.norm(np.diff(rest.positions[way], axis=0), axis=1)))]]
+
+    @cached_property
+    def _neck_line(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The lower and the upper end of the neck's middle line [m], (3,), and its ways ahead and left per way up."""
         if "neck" not in self._rest.roles:
-            return np.zeros(2)
-        # Joints tell where the neck is, but not where on it: many a skeleton's neck begins between the shoulder blades.
+            return np.zeros(3), np.zeros(3), np.zeros(2)
         start, end = ((self._rest.origin(role) - self._origin) @ self._axes for role in ("neck", "head"))
-        rise = end[2] - start[2]
-        share = np.clip((COLLARED * self.height - start[2]) / rise, 0.0, 1.0) if rise > 0.0 else 0.0
-        inside = start + share * (end - start)
-        ways = self.way_out(inside, SIDES, 0.0, only=("neck", "head"))
-        return inside[:2] + (ways @ SIDES)[:2] / 2.0
+        way = end - start
+        slope = way[:2] / max(way[2], float(np.linalg.norm(way[:2])), NEAR)
+        # Joints tell where the neck is, but not where on it they are.
+        collared = np.clip(COLLARED * self.height, start[2], max(end[2], start[2]))
+        inside = np.append(start[:2] + (collared - start[2]) * slope, collared)
+        ways = self.way_out(inside, SIDES, 0.0, only=("neck",), without=("head",))
+        aside = (ways @ SIDES) / 2.0
+        return start + aside, end + aside, slope
 
     @property
     def has_feet(self) -> bool:
@@ -239,8 +279,22 @@ class Fitted:
             ways[nearing] = np.maximum(ways[nearing] - spare, 0.0)
         return ways.reshape(shape)
 
-    def collar(self, clearance: float) -> tuple[float, float]:
-        """Radius and height above the shoulder joints [m] of the narrowest ring around the neck that is clear of it.
+    def ring(self, radius: float | FloatArray, angles: FloatArray, heights: FloatArray) -> FloatArray:
+        """Points around the neck [m], shape (..., 3).
+
+        Args:
+            radius: their distance from its middle, seen from above [m].
+            angles: from the middle of the back to the left [rad].
+            heights: above the shoulder joints [m].
+        """
+        middle = self.neck_at(heights)
+        x, y = middle[..., 0] - radius * np.cos(angles), middle[..., 1] + radius * np.sin(angles)
+        return np.stack(np.broadcast_arrays(x, y, heights), axis=-1)
+
+    def collar(self, clearance: float) -> Ring:
+        """The narrowest ring around the neck that is clear of it, the least steep of several.
+
+        It lies across the neck, or is lower in front: as from the nape to the throat.
 
         Raises:
             ValueRangeError: what surrounds the neck is too thick.
@@ -248,10 +302,15 @@ class Fitted:
         radii = np.arange(NARROWEST * self.height, WIDEST * self.height, FINE)
         for highest in (HIGHEST, TALLEST):
             heights = np.arange(0.0, highest, FINE / self.height) * self.height
-            clear = partial(self._clear_heights, heights=heights, clearance=clearance)
-            radius = _first(radii, clear)
-            if radius is not None:
-                return radius, float(clear(radius)[0])
+            found = []
+            for steeper in STEEPER:
+                steepness = float(self._neck_line[2][0]) + steeper
+                clear = partial(self._clear_heights, heights=heights, clearance=clearance, steepness=steepness)
+                radius = _first(radii, clear)
+                if radius is not None:
+                    found.append(Ring(radius, float(clear(radius)[0]), steepness))
+            if found:
+                return min(found, key=lambda ring: ring.radius)
         raise ValueRangeError(f"no collar of less than {WIDEST * self.height:.2f} m clears the neck")
 
     def girth(self, clearance: float) -> float:
@@ -284,18 +343,19 @@ class Fitted:
         lowest = np.where(blocked, np.arange(len(heights)) + 1, 0).max(axis=1)
         return np.where((free & above).any(axis=1), heights[lowest], TALLEST * self.height)
 
-    def _clear_heights(self, radius: float, heights: FloatArray, clearance: float) -> FloatArray:
-        """Those of some heights [m] at which a whole ring around the neck is clear of all colliders."""
+    def _clear_heights(
+        self, radius: float, heights: FloatArray, clearance: float, *, steepness: float = 0.0
+    ) -> FloatArray:
+        """Those of some heights [m] at which a whole ring around the neck, so steep, is clear of all colliders."""
         angles = np.linspace(-np.pi, np.pi, AROUND, endpoint=False)
         for directions in (angles[::8], angles):  # a few tell of most that are not
-            heights = heights[self._is_clear(radius, directions, heights, clearance).all(axis=0)]
+            tilted = heights + Ring(radius, 0.0, steepness).rises(directions)[:, None]
+            heights = heights[self._is_clear(radius, directions, tilted, clearance).all(axis=0)]
         return heights
 
     def _is_clear(self, radius: float, angles: FloatArray, heights: FloatArray, clearance: float) -> NDArray[np.bool_]:
-        """Where a ring around the neck is clear of all colliders, at n angles and m heights, shape (n, m)."""
-        x, y = self.neck[0] - radius * np.cos(angles), self.neck[1] + radius * np.sin(angles)
-        ring = np.stack(np.broadcast_arrays(x[:, None], y[:, None], heights), axis=-1)
-        return self.distances(ring, within=clearance) >= clearance
+        """Where a ring around the neck is clear of all colliders, at n angles and m heights (m,) or (n, m), (n, m)."""
+        return self.distances(self.ring(radius, angles[:, None], heights), within=clearance) >= clearance
 
 
 def _first(radii: FloatArray, clear: Callable[[float], FloatArray], *, least: int = 1) -> float | None:

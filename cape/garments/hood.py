@@ -24,7 +24,7 @@ LEVELS = 48  # of each plane in which the head's width is measured
 TALLEST = 0.3  # of the body's height above the throat, up to which there is a head
 # Rows come together at the throat, where the closest threads tell how short steps must be: with 0.035 of the body's
 # height, and rows as far apart as the garment's, they are 333 a frame of the walk, instead of 212.
-AHEAD = 0.05  # of the body's height: that axis in front of the throat
+AHEAD = 0.052  # of the body's height: that axis in front of the throat
 ROWS_APART = 1.25  # of the garment's spacing, over the middle of the head
 UNDER_HOOD = ("head", "neck")
 HEM = 3.0  # layers of fabric in the edge around the face

@@ -31,7 +31,8 @@ class Fit:
             within `CLOSE` of the skin.
         collar_gap: largest distance of the collar's edge from the neck in any frame [m].
         collar_gap_p95: the same in 95 % of the frames.
-        folds: prominent maxima of the hem's distance from the trunk's axis in the first frame, in which it has settled.
+        folds: prominent maxima of the hem's distance from the trunk's axis in the first frame, in which it has settled:
+            in the wind of who sets out running, and over arms that are spread, into fewer than at rest.
         hem: mean height of the hem above the ankles in that frame [m].
     """
 

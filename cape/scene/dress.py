@@ -158,7 +158,16 @@ def _attachments(worn: Worn, hold: Mapping[str, str]) -> list[Attachment]:
     Raises:
         UnknownNameError: the garment has no such region.
     """
-    found = [attach(worn.cloth, h.bone, h.region, points=h.points, stiffness=h.stiffness) for h in worn.holds]
+    found = [
+        attach(
+            worn.cloth,
+            h.bone if h.half is None else (h.bone, h.half),
+            h.region,
+            points=h.points,
+            stiffness=h.stiffness,
+        )
+        for h in worn.holds
+    ]
     for region, bone in hold.items():
         free = np.setdiff1d(worn.cloth.region(region), [i for before in found for i in before.vertices])
         if len(free):

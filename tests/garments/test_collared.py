@@ -18,6 +18,7 @@ from motions.errors import UnknownNameError, ValueRangeError
 from skeleton import Capsule, Skeleton
 from skeleton.solid_measures import signed_distance
 from skeleton.straight_limbs import AWAY, lower_arms
+from tests.support.figures import figure
 
 COLLARED = ["shoulder_cape", "cloak", "half_cape", "hooded_cloak"]
 
@@ -59,7 +60,10 @@ def test_cloth_on_top_of_a_shoulder_stays_near_its_place(walker, name: str):
         assert off[:, :2].min(axis=0).max() < 0.0 < off[:, :2].max(axis=0).min()
         assert off[:, 2].min() > 0.0
         assert confinement.max_distance is not None
-        assert 0.0 < float(np.max(np.asarray(confinement.max_distance))) < 0.06  # as far off as covers, at most
+        most = np.asarray(confinement.max_distance)
+        # As far off as covers, at most, and the firmer the nearer to the joint, where the cover is looked for.
+        assert 0.0 < most.max() < 0.06
+        assert (np.diff(most[np.argsort(np.hypot(off[:, 0], off[:, 1]))]) > 0.0).all()
 
 
 @pytest.mark.parametrize("name", COLLARED)
@@ -105,12 +109,12 @@ def test_a_ring_is_let_down_onto_a_ball(walker):
     fitted = Fitted(body, [ball])
     origin = fitted.pose(["chest"])[0][0]
     angles, radius = np.linspace(-np.pi, np.pi, 40, endpoint=False), 0.05
-    around = np.stack([fitted.neck[0] - radius * np.cos(angles), fitted.neck[1] + radius * np.sin(angles)], axis=1)
-    around -= origin[:2]
-    top = origin[2] + np.sqrt(0.21**2 - np.sum(around**2, axis=1))
-    found = fitted.lie_on(radius, angles, 0.01, np.full(40, top.max() + 0.02))
+    found = fitted.lie_on(radius, angles, 0.01, np.full(40, origin[2] + 0.25))
     # Heights are tried 2 mm apart, and the lowest clear one is taken.
-    assert ((found >= top - 1e-12) & (found < top + 0.002 + 1e-12)).all()
+    for heights, clear in ((found, True), (found - 0.002, False)):
+        around = fitted.ring(radius, angles, heights)
+        np.testing.assert_allclose(around[:, 2], heights)
+        assert ((np.linalg.norm(around - origin, axis=1) >= 0.21 - 1e-12) == clear).all()
 
 
 def test_a_collar_lies_around_the_neck_wherever_that_is(walker):
@@ -124,13 +128,50 @@ def test_a_collar_lies_around_the_neck_wherever_that_is(walker):
     middle = places[0] + (height - places[0][2]) / (places[1][2] - places[0][2]) * (places[1] - places[0])
     # The neck leans by 1 in 25 against the trunk at most, and is as thick to all sides.
     np.testing.assert_allclose(fitted.neck, middle[:2], atol=1e-3)
-    assert fitted.collar(0.01)[0] < 0.05 + 0.01 + 0.002 + 2e-3
+    # Joints, which lean by 0.25, tell how a ring lies across the neck, and where it is above and below that height.
+    assert fitted.collar(0.01).radius < (0.05 + 0.01) * (1.0 + 0.25**2) + 0.002 + 2e-3
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.4])
+def test_a_collar_lies_across_a_neck_that_leans(walker, lean: float):
+    """One as thick to all sides is as far from it everywhere: a ring at one height is not, and has to be wider."""
+    body, _ = walker
+    plain = Fitted(body, [])
+    joint, turn = plain.pose(["Neck"])[0][0], plain.pose(["Neck"])[1][0]
+    middle = np.array([*plain.neck, 0.05 * plain.height])
+    way = np.array([lean, 0.0, 1.0])
+    start, end = (
+        quaternions.rotate(quaternions.conjugate(turn), middle + share * way - joint) for share in (-0.2, 0.3)
+    )
+    fitted = Fitted(body, [Capsule("neck", "Neck", start, end, 0.05)])
+    # The joints tell how the neck leans; this one is made to lean by more or less than the walker's.
+    fitted.__dict__["_neck_line"] = (middle - 0.2 * way, middle + 0.3 * way, way[:2])
+    found = fitted.collar(0.01)
+    angles = np.linspace(-np.pi, np.pi, 96, endpoint=False)
+    ring = fitted.ring(found.radius, angles, found.height + found.rises(angles))
+    distances = fitted.distances(ring, only=["neck"])
+    # Widths are tried 2 mm apart; seen along the neck a ring across it is shorter by 1 / cos of its lean to the front.
+    assert distances.min() >= 0.01 - 1e-9
+    assert distances.max() - distances.min() <= 0.06 * (1.0 - 1.0 / np.hypot(1.0, lean)) + 1e-3
+    assert found.radius <= 0.06 * np.hypot(1.0, lean) + 0.002
+
+
+def test_a_collar_moves_half_with_the_neck(walker):
+    """Which turns in nothing but the neck's joint."""
+    body, track = walker
+    scene = cape.dress(body, track, spacing=0.06)
+    held = scene.attachments[0]
+    assert held.bones == ("chest", "Neck")
+    np.testing.assert_array_equal(held.weights, 0.5)
+    clip = figure(frames=2, without=("Neck",))
+    headless = Skeleton.from_clip(clip)
+    assert cape.dress(headless, headless.track(clip)).attachments[0].bones == ("chest",)
 
 
 def test_rings_are_the_narrowest_of_all_that_are_tried(walker, monkeypatch: pytest.MonkeyPatch):
     """Around the walker's neck, and around a thicker one."""
     body, _ = walker
-    thick, solids_of = Capsule("neck", "Neck", np.zeros(3), np.array([0.0, 0.3, 0.0]), 0.08), body.capsules()
+    thick, solids_of = Capsule("neck", "Neck", np.zeros(3), np.array([0.0, 0.0, 0.3]), 0.07), body.capsules()
     for solids in (solids_of, [*solids_of, thick]):
         found = {}
         for stride in (1, STRIDE):

@@ -119,6 +119,21 @@ def test_the_head_reaches_from_vertex_to_chin():
     assert ends["head"][:, 2].min() - radii["head"] == pytest.approx(vertex - 0.130 * height)
 
 
+@pytest.mark.parametrize(("share", "marks"), [(1.0, True), (0.8, True), (0.6, False), (0.3, False)])
+def test_a_heads_bone_that_ends_below_the_hair_line_tells_where_it_points_alone(share: float, marks: bool):
+    """As of CMU's files, whose heads would reach down to the shoulders."""
+    whole = figure()
+    ends = whole.end_offsets.copy()
+    aside = np.array([0.0, -0.6, 0.8])
+    reach = (0.85 + 0.64) / (1.0 - 0.039 - 0.10) * 0.10  # of legs of 0.85 m and a head's joint 0.64 m above hips
+    ends[0] = share * reach * aside
+    rest = Skeleton.from_clip(replace(whole, end_offsets=ends)).rest
+    up = rest.vertex - rest.origin("head")
+    direction = (matrices_of(rest.rotations_wxyz)[rest.bone("head")]) @ aside
+    np.testing.assert_allclose(up / np.linalg.norm(up), direction, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(up), (share if marks else 1.0) * reach, rtol=0.02)
+
+
 def test_a_foot_ends_at_its_end_site_and_a_hand_by_proportion():
     ends, radii = ends_of(figure())
     ankle = np.array([0.09, 0, 1 - 0.05 - 0.85])
