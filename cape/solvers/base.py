@@ -45,6 +45,7 @@ class Solver(ABC):
         splits: whether it steps meshes with spare vertices, which may split while it runs.
         splits_grids: whether it steps such grids.
         sweeps: whether springs act by impulses that are found in sweeps over them, rather than by their forces.
+        rounds: whether contact and limits of strain act on a copy of its state in single precision.
         title: what it is called in tables and pictures.
         colour: that pictures draw it in.
         measured_steps: numbers of steps in a frame that a report measures; empty for multiples of its own choice.
@@ -61,6 +62,7 @@ class Solver(ABC):
     splits: ClassVar[bool] = False
     splits_grids: ClassVar[bool] = False
     sweeps: ClassVar[bool] = False
+    rounds: ClassVar[bool] = False
     substeps: int | None = None
     precision: Precision | None = None
 
@@ -97,7 +99,7 @@ class Solver(ABC):
 
     def init(self, assembly: Assembly, state: State) -> Running:
         """Prepare to step a cloth from a state, in the solver's precision, which steps change in place."""
-        return Running(assembly, state, self.arrays(assembly))
+        return Running(assembly, state, self.arrays(assembly), rounded=self.rounds)
 
     @abstractmethod
     def arrays(self, assembly: Assembly) -> Any:

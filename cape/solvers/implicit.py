@@ -112,6 +112,7 @@ class ImplicitSolver(Solver):
     """
 
     usual_precision: ClassVar[Precision] = "double"
+    rounds: ClassVar[bool] = True
     measured_steps: ClassVar[tuple[int, ...]] = (1, 2, 4, 8, 16, 32, 64)
     cost_growth: ClassVar[float] = 0.5
     stage: ClassVar[float]

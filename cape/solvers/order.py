@@ -12,7 +12,8 @@ A frame begins with the bones (`begin_frame`). In each substep the solver's unit
 8. what slides along curves is put onto these;
 9. the journal notes where that has led.
 
-What a scene lacks is not in the list.
+What a scene lacks is not in the list. A solver may have 4 to 6, and the limit of strain, act on a copy of its state in
+single precision, for which they are compiled as for the others: see `kernels.solve.rounding`.
 """
 
 from collections.abc import Sequence
@@ -66,6 +67,7 @@ from cape.kernels.solve.journal import (
 )
 from cape.kernels.solve.lift import Lifted, lift_attached
 from cape.kernels.solve.link_limit import LimitedLinks, limit_links
+from cape.kernels.solve.rounding import Rounded, RoundedPlaces, add_changes, round_places, round_state
 from cape.kernels.solve.slide import Sliding, slide
 from cape.kernels.solve.soft import Aiming, aim_pull
 from cape.kernels.solve.strain_limit import Limited, limit_across, limit_down
@@ -108,7 +110,9 @@ def begin_frame(thread: Thread) -> list[Use]:
     start = Use(begin_motion, MovingBones(motion, bones, duration))
     uses = [start]
     if contacts.colliders is not None:
-        uses.append(Use(find_nearby, Nearby(running.state, contacts.colliders, bones, duration)))
+        rounding = _round(thread)
+        uses += [*rounding, *(wait(thread) if rounding else [])]
+        uses.append(Use(find_nearby, Nearby(running.corrected, contacts.colliders, bones, duration)))
         if contacts.faces is not None and thread.is_first:
             uses.append(Use(wake_faces, contacts.faces))
         uses += wait(thread)
@@ -172,22 +176,51 @@ def end_substep(
             Use(keep_tethered, Tethered(running.state, assembly.attached, assembly.tethers, thread.bones, anchors))
         )
     uses += _confine(thread)
-    uses += _keep_out(thread, earlier, share)
-    if assembly.attached is not None and holding:
-        uses.append(Use(hold_attached, Held(running.state, assembly.attached, thread.bones)))
-    if contacts.layers is not None:
-        uses += wait(thread)
-        if thread.is_first:
-            look = Use(look_ahead, Ahead(running.state, contacts.layers.sight.places, contacts.layers.pressure.clock))
-            search = Use(search_pairs, Searched(contacts.layers, assembly.inverse_mass))
-            layered = Layered(running.state, contacts.layers, thread.inverse_mass, linker.program([look, search]))
-            uses.append(Use(keep_apart, layered))
-        uses += wait(thread)
-    uses += _limit_strain(thread)
+    uses += _correct(thread, _stop(thread, linker, earlier, share, holding=holding))
+    limiting = _limit_strain(thread)
+    if limiting and thread.journal is not None:
+        uses.append(Use(note_unlimited, Noting(running.state, thread.journal)))
+    uses += _correct(thread, limiting)
     if assembly.rails is not None:
         uses.append(Use(slide, Sliding(running.state, assembly.rails, thread.bones)))
     if thread.journal is not None:
         uses.append(Use(note_end, Noting(running.state, thread.journal)))
+    return uses
+
+
+def _correct(thread: Thread, uses: list[Use]) -> list[Use]:
+    """Have units act that correct a state, on what the solver has them correct."""
+    running = thread.running
+    if not uses or running.corrected is running.state:
+        return uses
+    return [*_round(thread), *uses, Use(add_changes, Rounded(running.state, running.corrected))]
+
+
+def _round(thread: Thread) -> list[Use]:
+    """Make the copy of a thread's vertices that is corrected; nothing where that is the state itself."""
+    running = thread.running
+    if running.corrected is running.state:
+        return []
+    return [Use(round_state, Rounded(running.state, running.corrected))]
+
+
+def _stop(
+    thread: Thread, linker: Linker, earlier: NDArray[np.floating] | None, share: float, *, holding: bool
+) -> list[Use]:
+    """Keep what is corrected out of colliders, held, and its layers apart; the arguments are those of `end_substep`."""
+    running, contacts = thread.running, thread.contacts
+    assembly, state, uses = running.assembly, running.corrected, []
+    uses += _keep_out(thread, earlier, share)
+    if assembly.attached is not None and holding:
+        uses.append(Use(hold_attached, Held(state, assembly.attached, thread.bones)))
+    if contacts.layers is not None:
+        uses += wait(thread)
+        if thread.is_first:
+            look = Use(look_ahead, Ahead(state, contacts.layers.sight.places, contacts.layers.pressure.clock))
+            search = Use(search_pairs, Searched(contacts.layers, assembly.inverse_mass))
+            layered = Layered(state, contacts.layers, running.inverse_mass, linker.program([look, search]))
+            uses.append(Use(keep_apart, layered))
+        uses += wait(thread)
     return uses
 
 
@@ -198,22 +231,19 @@ def _limit_strain(thread: Thread) -> list[Use]:
     limiting = wait(thread)
     if running.longest is not None and isinstance(cloth, GridCloth):
         whole = cloth.whole if isinstance(cloth, SplitGrid) else cloth
-        limited = Limited(running.state, thread.inverse_mass, running.longest, whole.rows, whole.columns)
+        limited = Limited(running.corrected, running.inverse_mass, running.longest, whole.rows, whole.columns)
         within = [Use(limit_down, limited), *wait(thread), Use(limit_across, limited)]
         strays = _limit_strays(thread)
         limiting += within if not strays else [*(use for _ in range(ROUNDS) for use in (*strays, *within)), *strays]
     elif running.links is None:
         return []
     elif thread.is_first:
-        limiting.append(Use(limit_links, LimitedLinks(running.state, thread.inverse_mass, running.links)))
+        limiting.append(Use(limit_links, LimitedLinks(running.corrected, running.inverse_mass, running.links)))
     limiting += wait(thread)
-    uses = []
-    if thread.journal is not None:
-        uses.append(Use(note_unlimited, Noting(running.state, thread.journal)))
     if colliders is None:
-        return [*uses, *limiting]
-    drawing = Drawing(running.state, running.drawn, colliders)
-    return [*uses, Use(begin_drawing, drawing), *limiting, Use(end_drawing, drawing)]
+        return limiting
+    drawing = Drawing(running.corrected, running.drawn, colliders)
+    return [Use(begin_drawing, drawing), *limiting, Use(end_drawing, drawing)]
 
 
 def _limit_strays(thread: Thread) -> list[Use]:
@@ -221,17 +251,17 @@ def _limit_strays(thread: Thread) -> list[Use]:
     running = thread.running
     if running.strays is None:
         return []
-    limited = LimitedLinks(running.state, thread.inverse_mass, running.strays.links)
+    limited = LimitedLinks(running.corrected, running.inverse_mass, running.strays.links)
     strays = LimitedStrays(limited, running.strays.counts)
     return [*wait(thread), *([Use(limit_strays, strays)] if thread.is_first else []), *wait(thread)]
 
 
 def _confine(thread: Thread) -> list[Use]:
     """Keep vertices near where bones would carry them, then out of the spheres behind that."""
-    confined = thread.running.assembly.confined
+    running, confined = thread.running, thread.running.assembly.confined
     if confined is None:
         return []
-    confining = Confining(thread.running.state, thread.inverse_mass, confined, thread.bones)
+    confining = Confining(running.state, running.arrays.inertia.inverse_mass, confined, thread.bones)
     uses = []
     if np.isfinite(confined.most).any():
         uses.append(Use(keep_near, confining))
@@ -246,13 +276,17 @@ def _keep_out(thread: Thread, earlier: NDArray[np.floating] | None, share: float
     colliders, faces = contacts.colliders, contacts.faces
     if colliders is None:
         return []
-    straight = earlier is None
-    start = np.zeros((1, 1), running.state.x.dtype) if earlier is None else earlier
+    state, straight, uses = running.corrected, earlier is None, []
+    if earlier is None:
+        earlier = np.zeros((1, 1), state.x.dtype)
+    elif running.earlier is not None:
+        uses.append(Use(round_places, RoundedPlaces(earlier, running.earlier)))
+        earlier = running.earlier
     contact = Contact(
-        running.state, thread.inverse_mass, contacts.free, start, straight, colliders, thread.bones, share,
+        state, running.inverse_mass, contacts.free, earlier, straight, colliders, thread.bones, share,
         contacts.settled, running.drawn,
     )  # fmt: skip
-    uses = [Use(watch_tiles, Nearby(running.state, colliders, thread.bones, running.duration))]
+    uses.append(Use(watch_tiles, Nearby(state, colliders, thread.bones, running.duration)))
     if faces is not None:
         uses += [Use(keep_out, FirstLook(contact, True)), *wait(thread)]
         if thread.is_first:

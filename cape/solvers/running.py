@@ -21,6 +21,10 @@ class Running:
     Attributes:
         assembly: the scene's arrays.
         state: of the vertices, which steps change in place.
+        corrected: what contact and limits of strain act on: the state, or a copy in single precision that solvers
+            may have them act on in its place (see `kernels.solve.rounding`).
+        earlier: room for where vertices were at a step's start [m], (3, N), in the precision of such a copy; else None.
+        inverse_mass: [1/kg] of the vertices in the precision of what is corrected, zero for attached ones, shape (N,).
         arrays: the solver's own.
         longest: that threads of a grid may get [m], shape (2, N); None where nothing limits their strain.
         strays: those of a grid that lead to what has split off; None where none can, or nothing limits strain.
@@ -31,12 +35,21 @@ class Running:
         frames: programs that were made, by number of threads.
     """
 
-    def __init__(self, assembly: Assembly, state: State, arrays: Any) -> None:
-        """Hold the arrays; programs are made with the first step."""
+    def __init__(self, assembly: Assembly, state: State, arrays: Any, *, rounded: bool = False) -> None:
+        """Hold the arrays; programs are made with the first step.
+
+        Where the state is to be `rounded`, a copy in single precision is corrected.
+        """
         self.assembly, self.state, self.arrays = assembly, state, arrays
-        self.longest = longest_threads(assembly, state.x.dtype.type)
-        self.strays = stray_links(assembly, state.x.dtype.type)
-        self.links = limited_links(assembly, state.x.dtype.type)
+        self.corrected, self.inverse_mass, self.earlier = state, arrays.inertia.inverse_mass, None
+        if rounded and state.x.dtype != np.float32:
+            self.corrected = State(*(component.astype(np.float32) for component in state))
+            self.inverse_mass = self.inverse_mass.astype(np.float32)
+            self.earlier = np.zeros((3, len(state.x)), np.float32)
+        dtype = self.corrected.x.dtype.type
+        self.longest = longest_threads(assembly, dtype)
+        self.strays = stray_links(assembly, dtype)
+        self.links = limited_links(assembly, dtype)
         limited = (self.longest is not None or self.links is not None) and bool(assembly.scene.colliders)
         self.drawn = Drawn.blank(assembly.cloth.vertices if limited else 1, acts=limited)
         bones = len(assembly.scene.bones) + 1
@@ -80,8 +93,3 @@ class Thread(NamedTuple):
     def is_first(self) -> bool:
         """Tell whether this is the thread that does what only one may do."""
         return self.rank == 0
-
-    @property
-    def inverse_mass(self) -> NDArray[np.floating]:
-        """[1/kg] of the vertices in the precision of the state, zero for attached ones."""
-        return self.running.arrays.inertia.inverse_mass

@@ -208,14 +208,19 @@ FEATURES = {
 }  # fmt: skip
 # What else solvers need for a feature.
 PRESSING = {"add_contact_blocks", "find_touchable", "note_motion", "press_colliders"}
+ROUNDING = {"round_state", "add_changes"}
 OWN = {
     "euler": {"attachments": {"hold_attached"}, "self-contact": {"press"}},
     "xpbd": {"wind": {"blow_all"}, "attachments": {"aim_attached"}, "self-contact": {"press"}},
-    "backward_euler": {"contact": PRESSING, "attachments": {"place_attached"}, "self-contact": {"add_pressure"}},
-    "tr_bdf2": {
-        "contact": PRESSING | {"hold_back", "hold_back_at_start", "leave_out_contact"},
+    "backward_euler": {
+        "contact": PRESSING | ROUNDING,
         "attachments": {"place_attached"},
-        "self-contact": {"add_pressure", "add_held"},
+        "self-contact": {"add_pressure"} | ROUNDING,
+    },
+    "tr_bdf2": {
+        "contact": PRESSING | ROUNDING | {"hold_back", "hold_back_at_start", "leave_out_contact", "round_places"},
+        "attachments": {"place_attached"},
+        "self-contact": {"add_pressure", "add_held"} | ROUNDING,
     },
 }
 
