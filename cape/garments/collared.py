@@ -21,7 +21,7 @@ from motions.errors import ValueRangeError
 FloatArray = NDArray[np.float64]
 
 STEEPEST = 0.9  # descent of the yoke per way outwards: beyond the shoulders' edge it does not follow the body
-COLLAR = 0.045  # of the body's height: width of the collar, which the chest holds
+COLLAR = 0.045  # of the body's height: width of the collar, which chest and neck hold
 HEM_LAYERS = 3.0  # of fabric in the sewn hem; the collar has twice as many
 SEAMS = (np.pi / 2.0, -np.pi / 2.0)  # from the middle of the back to the left [rad]: over the shoulders
 CLASPED = 1.0  # rad around the neck that a clasp may span
@@ -52,7 +52,7 @@ class Cut:
     hooded: bool = False
 
     def fit(self, fitted: Fitted, measures: Measures) -> Worn:
-        """Cut it for a body: held by the chest along its collar, and at the brow where it is hooded.
+        """Cut it for a body: held along its collar by chest and neck, half each, and at the brow where it is hooded.
 
         Raises:
             ValueRangeError: it can't be cut, as of `lay_out`.
