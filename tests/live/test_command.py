@@ -222,6 +222,15 @@ def test_mistakes_are_told_in_a_line(tmp_path: Path, forks: Forks):
         assert text in mistake_told(forks("live", *arguments, folder=tmp_path))[1]
 
 
+def test_arms_that_are_left_out_are_told(tmp_path: Path, forks: Forks):
+    """The G1's, which pass through its hips in the walk, for a skirt."""
+    skirt = ("--skeleton", "g1", "--garment", "skirt", "--spacing", "0.1", "--no-viewer", "--seconds", "0.1")
+    done = forks("live", "walk", *skirt, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = [line for line in done.stderr.splitlines() if " is left out: " in line]
+    assert any("deep in" in line for line in told)
+
+
 def test_it_warns_of_who_may_look_on_where_anything_listens_and_only_there(tmp_path: Path, forks: Forks):
     told = []
     for seen in ("--no-viewer", "--web"):

@@ -68,6 +68,8 @@ def run(
     who = cast(reading, cut, scene=scene if isinstance(scene, NamedScene) else None, hitboxes=hitboxes)
     for decision in gathered(who.decisions):
         _tell(f"{who.name}: {decision}")
+    for collider, reason in who.scene.left_out.items():
+        _tell(f"{who.name}: {collider} is left out: {reason}")
     live = Live(
         who.scene, who.source, name=who.name, fps=reading.frame_rate or FPS, solver=solver, viewer=viewer, bind=bind,
         keep=output is not None, surfaces=who.surfaces, skin=who.skin,
