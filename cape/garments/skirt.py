@@ -15,6 +15,7 @@ FloatArray = NDArray[np.float64]
 
 LENGTH = 0.31  # of the body's height: from the waist to the knees
 FLARE = 3.0
+STEEPEST = 0.8  # of a flare that lies flat, at most, where none is asked for
 SPACING = 0.0155  # of the body's height
 BAND = 0.025  # of the body's height: width of the waistband
 HELD = 0.6  # of it, from its upper edge, that the pelvis holds: what hands at the hips press on must give way
@@ -36,7 +37,7 @@ def fit(fitted: Fitted, measures: Measures) -> Worn:
     length, flare, spacing = measures.sizes(body.height, length=LENGTH, flare=FLARE, spacing=SPACING)
     thickness = room_between(spacing, body.height)
     skirt = lay_out(
-        body, length=length, flare=flare, spacing=spacing, clearance=thickness + CLEARANCE,
+        body, length=length, flare=measures.flare and flare, spacing=spacing, clearance=thickness + CLEARANCE,
         fabric=measures.fabric or Fabric(),
     )  # fmt: skip
     held = Hold("pelvis", "waist", body.into_bone("pelvis", skirt.positions[skirt.region("waist")]))
@@ -44,14 +45,14 @@ def fit(fitted: Fitted, measures: Measures) -> Worn:
 
 
 def lay_out(
-    body: Fitted, *, length: float, flare: float, spacing: float, clearance: float, fabric: Fabric
+    body: Fitted, *, length: float, flare: float | None, spacing: float, clearance: float, fabric: Fabric
 ) -> MeshCloth:
     """Lay a skirt around a body's waist.
 
     Args:
         body: whose.
         length: from the waist to the hem, along the cloth [m].
-        flare: length of the hem divided by that of the waist.
+        flare: length of the hem divided by that of the waist; None for `FLARE`, or less where that would lie flat.
         spacing: mean distance of neighbouring vertices [m].
         clearance: least distance from the body, as it is cut [m].
         fabric: what it is made of.
@@ -65,6 +66,9 @@ def lay_out(
     below = length - band
     if below < max(band, 2.0 * spacing):
         raise ValueRangeError(f"a spacing of {spacing:g} m is too wide for a skirt {length:.2f} m long")
+    widest = 1.0 + 2.0 * np.pi * below / girth
+    if flare is None:
+        flare = min(FLARE, max(STEEPEST * widest, 1.0))
     columns = tailoring.cells(girth * (1.0 + max(flare, 1.0)) / 4.0, spacing)
     if columns < FEWEST:
         raise ValueRangeError(f"a spacing of {spacing:g} m is too wide for a waist of {girth:.2f} m")
@@ -72,7 +76,6 @@ def lay_out(
     share = np.maximum(down - band, 0.0) / below  # of the way from the band to the hem
     wider = max(flare - 1.0, 0.0) * girth / (2.0 * np.pi)
     if wider >= below:
-        widest = 1.0 + 2.0 * np.pi * below / girth
         raise ValueRangeError(f"a skirt {length:.2f} m long can't have a flare of {flare:g}: {widest:.2f} lies flat")
     heights = top - np.minimum(down, band) - share * np.sqrt(below**2 - wider**2)
     angles = np.linspace(np.pi / 2.0, -1.5 * np.pi, 2 * columns + 1)  # from the left side over the back

@@ -223,8 +223,20 @@ def test_mistakes_are_told_in_a_line(tmp_path: Path, forks: Forks):
 
 
 def test_arms_that_are_left_out_are_told(tmp_path: Path, forks: Forks):
-    """The G1's, which pass through its hips in the walk, for a skirt."""
-    skirt = ("--skeleton", "g1", "--garment", "skirt", "--spacing", "0.06", "--no-viewer", "--seconds", "0.1")
+    """Those of Talos, which pass through its hips in the walk, for a skirt."""
+    skirt = (
+        "--skeleton",
+        "talos",
+        "--garment",
+        "skirt",
+        "--spacing",
+        "0.08",
+        "--end",
+        "0.3",
+        "--no-viewer",
+        "--seconds",
+        "0.1",
+    )
     done = forks("live", "walk", *skirt, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     told = [line for line in done.stderr.splitlines() if " is left out: " in line]
