@@ -91,7 +91,8 @@ class ImplicitSolver(Solver):
 
     Each stage is solved by Newton's method, each of its linear systems by conjugate gradients. Where cloth can touch
     nothing these have a multigrid preconditioner, so that finer cloth takes no more iterations; otherwise, where a
-    tenth of the residual may stay, the inverse of each vertex's own 3x3 block.
+    tenth of the residual may stay, the inverse of each vertex's own 3x3 block. What a step leaves for contact and for
+    limits of strain to correct they correct on a copy in single precision (`kernels.solve.rounding`).
 
     Attributes:
         stage: b in A = M - b^2 df/dx of the method's stages, as a share of its step.
