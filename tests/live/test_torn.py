@@ -50,7 +50,7 @@ def ran(plan: Plan, *, scene: cape.Scene = SCENE, threads: int = 1, frames: int 
     run = Live(
         scene, lambda _: rod, viewer="none", keep=True, threads=threads, solver=cape.solver(solver), on_frame=act
     )
-    with run:
+    with patch.object(run._savings, "note"), run:  # a machine that is busy is no reason for other steps
         run.wait(60.0)
     assert run.failed is None
     return run.take()
