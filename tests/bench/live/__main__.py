@@ -88,13 +88,10 @@ def end_all(processes: list[subprocess.Popen[bytes]]) -> list[subprocess.Popen[b
 
 
 def memory(process: int) -> float:
-    """What a process has written and holds itself [MB].
-
-    Pages of libraries count for nobody: they are a process's own as soon as no other one has the same library loaded.
-    """
+    """Resident [MB], also what is shared: a library's pages are a process's own once no other one has it loaded."""
     with suppress(OSError), open(f"/proc/{process}/smaps_rollup") as file:
         rows = dict(line.split(":", 1) for line in file.read().splitlines()[1:])
-        return float(rows["Private_Dirty"].split()[0]) / 1e3
+        return float(rows["Rss"].split()[0]) / 1e3
     return 0.0
 
 
