@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cape.kernels.contact.drawn import copy
 from cape.kernels.jit import kernel, unit
 from cape.kernels.state import State
 
@@ -32,15 +33,15 @@ class RoundedPlaces(NamedTuple):
 def round_state(g, team, substep, substeps, step):
     """Make the copy of a thread's vertices anew."""
     s, c, lo, hi = g.state, g.copy, team.lo, team.hi
-    round_all(s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], c.x[lo:hi], c.y[lo:hi], c.z[lo:hi])
-    round_all(s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], c.vx[lo:hi], c.vy[lo:hi], c.vz[lo:hi])
+    copy(s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], c.x[lo:hi], c.y[lo:hi], c.z[lo:hi])
+    copy(s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], c.vx[lo:hi], c.vy[lo:hi], c.vz[lo:hi])
 
 
 @unit
 def round_places(g, team, substep, substeps, step):
     """Make the copy of where a thread's vertices are anew."""
     p, c, lo, hi = g.places, g.copy, team.lo, team.hi
-    round_all(p[0, lo:hi], p[1, lo:hi], p[2, lo:hi], c[0, lo:hi], c[1, lo:hi], c[2, lo:hi])
+    copy(p[0, lo:hi], p[1, lo:hi], p[2, lo:hi], c[0, lo:hi], c[1, lo:hi], c[2, lo:hi])
 
 
 @unit
@@ -49,13 +50,6 @@ def add_changes(g, team, substep, substeps, step):
     s, c, lo, hi = g.state, g.copy, team.lo, team.hi
     add_change(s.x[lo:hi], s.y[lo:hi], s.z[lo:hi], c.x[lo:hi], c.y[lo:hi], c.z[lo:hi])
     add_change(s.vx[lo:hi], s.vy[lo:hi], s.vz[lo:hi], c.vx[lo:hi], c.vy[lo:hi], c.vz[lo:hi])
-
-
-@kernel
-def round_all(x, y, z, out_x, out_y, out_z):
-    """Round numbers to the precision of where they are put."""
-    for i in range(x.size):
-        out_x[i], out_y[i], out_z[i] = x[i], y[i], z[i]
 
 
 @kernel
