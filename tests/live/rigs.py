@@ -43,9 +43,12 @@ def at_once(change: Callable[[], str | None]) -> None:
     change()
 
 
-def swinging(*, self_contact: bool = True) -> tuple[Rig, Changes, Later]:
-    """A sheet that has swung for a while, and what changes it; what is asked for is done at once."""
-    standard, builder = swing(spacing=0.1), Later()
+def swinging(*, self_contact: bool = True, spacing: float = 0.1) -> tuple[Rig, Changes, Later]:
+    """A sheet that has swung for a while, and what changes it; what is asked for is done at once.
+
+    The `spacing` of its vertices [m] tells how many steps symplectic Euler needs.
+    """
+    standard, builder = swing(spacing=spacing), Later()
     scene = replace(standard.scene, self_contact=cape.SelfContact() if self_contact else None)
     rig = Rig(scene, TrackSource(standard.track), cape.SymplecticEuler(), threads=1)
     rig.start()

@@ -21,7 +21,7 @@ def savings(rig: Rig, changes: Changes) -> tuple[Savings, Callable[[float, int],
         seen = []
         for _ in range(count):
             of = {"euler": 0.6 / own, "xpbd": 0.3 / 20.0}[rig.solver.name]
-            substeps = own if rig.solver.substeps is None else rig.solver.substeps
+            substeps = rig.simulation.own_substeps(1.0 / 60.0) if rig.solver.substeps is None else rig.solver.substeps
             saved.note(busy * of * substeps / 60.0, 1.0 / 60.0)
             seen.append(saved.told(1.0))
         return [told for told, before in zip(seen, [None, *seen], strict=False) if told != before]
@@ -83,6 +83,21 @@ def test_a_level_that_saves_nothing_is_given_back_with_a_word():
     changes.set_self_contact(False)
     frames(2 * LOOKED_AT)
     assert "too slow: xpbd in 10" in said[-2:]
+
+
+def test_where_euler_needs_more_steps_xpbd_takes_as_many_as_it_needs_before_it_takes_few():
+    """A frame in them is still taken again where threads get too long, which in few steps it is not."""
+    rig, changes, builder = swinging(spacing=0.04)
+    assert rig.simulation.substeps > 40
+    _, frames = savings(rig, changes)
+    frames(1.0, 200)
+    builder.work()
+    builder.hand_over()
+    assert frames(2.0, LOOKED_AT + 1) == ["", "xpbd"]
+    assert rig.solver == cape.XPBD()
+    advance(rig, 3)
+    assert rig.simulation.substeps == 40
+    assert frames(4.0, 1000) == ["xpbd", "xpbd in 20", "xpbd in 10"]
 
 
 def test_substeps_that_stability_can_do_without_are_given_up_first():

@@ -8,6 +8,7 @@ from cape.live.rig import Rig
 from cape.scene.scene import Scene
 from cape.scene.self_contact import SelfContact
 from cape.solvers import XPBD, Solver
+from cape.solvers.xpbd import SUBSTEPS
 
 FEW = 10  # substeps a frame, from which on cloth under XPBD gets much softer than it should be
 SLOWER = 0.97  # of real time, below which a run is said to be slower
@@ -17,7 +18,8 @@ CALM = 120  # frames after a change, before that is
 
 
 class Savings:
-    """Fewer substeps than were asked for, as far as they stay stable; then XPBD, in few and in fewer; then time.
+    """Fewer substeps than were asked for, as far as they stay stable; then XPBD, in as many as it needs, in few and in
+    fewer; then time.
 
     What saves nothing is given back.
     """
@@ -87,6 +89,8 @@ class Savings:
         if not isinstance(asked, XPBD) and fewest < used:
             ways.append((f"{fewest} substeps", replace(asked, substeps=fewest)))
         if not self._tears or isinstance(asked, XPBD):
+            if not isinstance(asked, XPBD) and used > SUBSTEPS * 60.0 * period:
+                ways.append((XPBD.name, XPBD()))  # whose frames are still taken again where threads get too long
             for substeps in (2 * FEW, FEW):
                 if not (isinstance(asked, XPBD) and used <= substeps):
                     ways.append((f"xpbd in {substeps}", XPBD(substeps=substeps)))
