@@ -26,9 +26,15 @@ def self_crossings(positions: NDArray[np.floating], triangles: NDArray[np.intege
     """
     corners = np.asarray(positions, dtype=float)[triangles]
     first, second = _near(corners)
-    here, there = triangles[first], triangles[second]
-    through = _is_pierced(corners[first], corners[second], _are_apart(here, there))
-    through |= _is_pierced(corners[second], corners[first], _are_apart(there, here))
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    through = np.zeros(len(first), dtype=bool)
+    for one, other in ((first, second), (second, first)):
+        heights = np.einsum("nij,nj->ni", corners[other] - corners[one, :1], normals[one])
+        below, above = heights < 0.0, heights > 0.0
+        across = np.flatnonzero((below[:, 0] | below[:, 1] | below[:, 2]) & (above[:, 0] | above[:, 1] | above[:, 2]))
+        one, other = one[across], other[across]
+        apart = _are_apart(triangles[one], triangles[other])
+        through[across] |= _is_pierced(corners[one], normals[one], corners[other], heights[across], apart)
     return np.stack([first[through], second[through]], axis=1)
 
 
@@ -72,23 +78,28 @@ def _near(corners: FloatArray) -> tuple[IntArray, IntArray]:
         counts = np.maximum(end - begin, 0)
         others = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts - begin, counts)
         found.append(np.stack([order[np.repeat(places, counts)], order[others]]))
-    pairs = np.concatenate(found, axis=1)
-    first, second = pairs.min(axis=0), pairs.max(axis=0)
-    overlap = ((low[first] <= high[second]) & (low[second] <= high[first])).all(axis=1)
-    return first[overlap], second[overlap]
+    first, second = np.concatenate(found, axis=1)
+    for least, most in zip(np.ascontiguousarray(low.T), np.ascontiguousarray(high.T), strict=True):
+        overlap = (least[first] <= most[second]) & (least[second] <= most[first])
+        first, second = first[overlap], second[overlap]
+    return np.minimum(first, second), np.maximum(first, second)
 
 
 def _are_apart(triangles: NDArray[np.integer], others: NDArray[np.integer]) -> NDArray[np.bool_]:
     """Tell which edges of other triangles (n, 3), each after `EDGES`, have no vertex of triangles (n, 3); (n, 3)."""
-    common = (others[:, :, None] == triangles[:, None, :]).any(axis=2)
+    a, b, c = triangles[:, :1], triangles[:, 1:2], triangles[:, 2:]
+    common = (others == a) | (others == b) | (others == c)
     return np.stack([~(common[:, i] | common[:, j]) for i, j in EDGES], axis=1)
 
 
-def _is_pierced(triangles: FloatArray, others: FloatArray, apart: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell of each triangle (n, 3, 3) whether one of some edges (n, 3) of its other (n, 3, 3) is through its inside."""
+def _is_pierced(
+    triangles: FloatArray, normals: FloatArray, others: FloatArray, heights: FloatArray, apart: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Tell of each triangle (n, 3, 3) whether one of some edges (n, 3) of its other (n, 3, 3) is through its inside.
+
+    `heights` of the others' corners above it are along its normal (n, 3), times the length of that, shape (n, 3).
+    """
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
-    normal = np.cross(b - a, c - a)
-    heights = np.einsum("nij,nj->ni", others - a[:, None], normal)
     pierced = np.zeros(len(triangles), dtype=bool)
     for k, (i, j) in enumerate(EDGES):
         candidates = np.flatnonzero(apart[:, k] & (heights[:, i] * heights[:, j] < 0.0))
@@ -98,6 +109,6 @@ def _is_pierced(triangles: FloatArray, others: FloatArray, apart: NDArray[np.boo
         inside = np.ones(len(candidates), dtype=bool)
         for u, v in ((a, b), (b, c), (c, a)):
             u, v = u[candidates], v[candidates]
-            inside &= np.einsum("ni,ni->n", np.cross(v - u, point - u), normal[candidates]) > 0.0
+            inside &= np.einsum("ni,ni->n", np.cross(v - u, point - u), normals[candidates]) > 0.0
         pierced[candidates] |= inside
     return pierced
