@@ -134,7 +134,7 @@ def test_a_collar_lies_around_the_neck_wherever_that_is(walker):
 
 @pytest.mark.parametrize("lean", [0.0, 0.4])
 def test_a_collar_lies_across_a_neck_that_leans(walker, lean: float):
-    """One as thick to all sides is as far from it everywhere: a ring at one height is not, and has to be wider."""
+    """Around one as thick to all sides it is as steep as that leans, and each of its points around its own middle."""
     body, _ = walker
     plain = Fitted(body, [])
     joint, turn = plain.pose(["Neck"])[0][0], plain.pose(["Neck"])[1][0]
@@ -150,7 +150,8 @@ def test_a_collar_lies_across_a_neck_that_leans(walker, lean: float):
     angles = np.linspace(-np.pi, np.pi, 96, endpoint=False)
     ring = fitted.ring(found.radius, angles, found.height + found.rises(angles))
     distances = fitted.distances(ring, only=["neck"])
-    # Widths are tried 2 mm apart; seen along the neck a ring across it is shorter by 1 / cos of its lean to the front.
+    assert found.steepness == pytest.approx(lean)
+    # Widths are tried 2 mm apart; seen along the neck the ring is shorter by 1 / cos of its lean to the front.
     assert distances.min() >= 0.01 - 1e-9
     assert distances.max() - distances.min() <= 0.06 * (1.0 - 1.0 / np.hypot(1.0, lean)) + 1e-3
     assert found.radius <= 0.06 * np.hypot(1.0, lean) + 0.002
