@@ -76,7 +76,8 @@ def fit(positions: FloatArray, joints: Joints) -> Skin:
     for _ in range(2):
         fit_motions(motions, paths, candidates, weights)
     order = np.argsort(-weights, axis=1, kind="stable")[:, :INFLUENCES]
-    influences, kept = (np.take_along_axis(each, order, axis=1) for each in (candidates.joints, weights))
+    influences = np.take_along_axis(candidates.joints, order, axis=1)
+    kept = np.take_along_axis(weights, order, axis=1)
     missing = ((0, 0), (0, INFLUENCES - order.shape[1]))
     rows = motions.reshape(count, 4, frames, 3)
     return Skin(
