@@ -20,7 +20,7 @@ from cape.exports.skinned.joints import Joints
 
 FloatArray = NDArray[np.float64]
 INFLUENCES = 4  # joints that a vertex follows: what engines take at once
-ROUNDS = 6  # of weights and motions in turn; further ones gain less than 2 % each
+ROUNDS = 6  # of weights and motions in turn; each further one gains less
 ROUGH = 0.01  # [rad] rotations are found to about its square before the weights are
 SAMPLES = 120  # frames to which the weights are fitted
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 STEPS = 6  # their number of right digits doubles with each
 EXACT = 1e-7  # [rad] by which a last step turns: a further one would turn by its square
-LEAST = 1e-9  # of the cube of its mean curvature: a determinant of which a step can be taken
+LEAST = 1e-9  # of the cube of the mean second derivative: a determinant of which a step can be taken
 
 
 def nearest_rotations(matrices: FloatArray, near: FloatArray, *, last: float = EXACT) -> FloatArray:
