@@ -6,12 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import nnls
+from scipy.spatial.transform import Rotation
 
 from cape.exports.moving_mesh import moving_mesh
 from cape.exports.skinned import glb
 from cape.exports.skinned.blending import blend
+from cape.exports.skinned.candidates import Candidates
 from cape.exports.skinned.fit import fit
+from cape.exports.skinned.joint_motions import fit_motions
 from cape.exports.skinned.joints import Joints, spread
+from cape.exports.skinned.rotations import nearest_rotations
 from motions import quaternions
 from motions.errors import UserError
 from tests.exports.a_take import FPS, FRAMES, make_take
@@ -76,12 +80,64 @@ def test_two_rigid_halves_are_told_apart():
     assert np.array_equal(own, half)
 
 
+@pytest.mark.parametrize("begun", ["there", "unturned", "anywhere"])
+def test_rotations_are_those_of_singular_values(begun: str):
+    """scipy's, of matrices that mirror or flatten too, and of those that hardly tell: whatever they begin from."""
+    count, rng = 400, np.random.default_rng(8)
+    vectors = rng.normal(scale=2.0, size=(3, count, 3))
+    turns, axes, others = quaternions.to_matrix(quaternions.from_rotation_vector(vectors))
+    stretch = rng.uniform(0.2, 1.0, size=(count, 3))
+    stretch[0::4, 2] = -0.5 * stretch[0::4, :2].min(axis=1)
+    stretch[1::4, 2] = 0.0
+    stretch[2::4, 1:] *= 1e-11  # so little that a step would be all rounding
+    matrices = turns @ (axes * stretch[:, None]) @ axes.swapaxes(1, 2)
+    expected = np.array([Rotation.align_vectors(each.T, np.eye(3))[0].as_matrix() for each in matrices])
+    begin = {"there": expected, "unturned": np.tile(np.eye(3), (count, 1, 1)), "anywhere": others}[begun]
+    found = nearest_rotations(matrices.transpose(2, 0, 1), begin.transpose(2, 0, 1)).transpose(1, 2, 0)
+    # Rounding, over how little a turn can cost: the sum of the lesser two, of about one.
+    lesser = np.sort(np.abs(stretch), axis=1)[:, 1] + np.sign(stretch[:, 2]) * np.sort(np.abs(stretch), axis=1)[:, 0]
+    assert (np.abs(found - expected).max(axis=(1, 2)) < 1e-14 / lesser).all()
+    assert np.abs(found @ found.swapaxes(1, 2) - np.eye(3)).max() < 1e-14
+
+
+def test_joints_that_share_no_vertex_are_fitted_as_if_one_after_another():
+    """Each takes a step to its own best, given those before it as they are by then, and those after it as they were."""
+    take = waving()
+    positions = take.positions.astype(float)
+    chains = spread(positions[0], take.triangles, take.held, 8)
+    candidates = Candidates.among(chains, positions[0])
+    weights = candidates.first_weights(2)
+    paths = positions.transpose(1, 0, 2).reshape(len(weights), -1)
+    motions = np.zeros((8, 4, paths.shape[1]))
+    motions[:, :3] = np.tile(np.eye(3), FRAMES)
+    motions[:, 3] = paths[chains.vertices]
+    expected = motions.copy()
+    fit_motions(motions, paths, candidates, weights)
+    local = positions[0][:, None] - candidates.centers
+    dense = np.zeros((len(weights), 8))
+    np.put_along_axis(dense, candidates.joints, weights, axis=1)
+    for k in range(8):
+        parts = dense.T[..., None] * (local.swapaxes(0, 1) @ expected[:, :3] + expected[:, 3:])
+        left = (paths - parts.sum(axis=0) + parts[k]).reshape(len(weights), FRAMES, 3)
+        own = dense[:, k] > 0.0
+        w, middle = dense[own, k], np.average(local[own, k], axis=0, weights=dense[own, k] ** 2)
+        for f in range(FRAMES):
+            goal = left[own, f] / w[:, None]
+            mean = np.average(goal, axis=0, weights=w**2)
+            turn = Rotation.align_vectors(goal - mean, local[own, k] - middle, weights=w**2)[0].as_matrix()
+            expected[k, :3, 3 * f : 3 * f + 3], expected[k, 3, 3 * f : 3 * f + 3] = turn.T, mean - turn @ middle
+    assert np.abs(motions - expected).max() < 1e-9
+
+
 @pytest.mark.parametrize("most", [8, 4, 1])
-def test_weights_are_those_of_least_squares_one_by_one(most: int):
-    """scipy's, a point at a time, with a large weight on the sum's being one."""
+@pytest.mark.parametrize("begun", ["even", "one", "some"])
+def test_weights_are_those_of_least_squares_one_by_one(most: int, begun: str):
+    """scipy's, a point at a time, with a large weight on the sum's being one; whatever they begin from."""
     rng = np.random.default_rng(6)
     errors = rng.normal(size=(60, 8, 30)) * rng.uniform(0.01, 1.0, size=(60, 8, 1)) + 0.3 * rng.normal(size=(60, 1, 30))
-    found = blend(errors @ errors.transpose(0, 2, 1), most)
+    near = {"even": np.full((60, 8), 1.0 / 8.0), "one": np.eye(8)[rng.integers(8, size=60)]}
+    near["some"] = np.where(rng.random((60, 8)) < 0.5, near["one"], near["even"])
+    found = blend(errors @ errors.transpose(0, 2, 1), most, near[begun])
     counts = []
     for point, weights in zip(errors, found, strict=True):
         matrix, wanted = np.vstack([point.T, np.full(8, 1e4)]), np.append(np.zeros(30), 1e4)
@@ -97,11 +153,13 @@ def test_weights_are_those_of_least_squares_one_by_one(most: int):
 
 def test_guesses_that_are_the_same_or_exact_blend():
     """All of which are right: any weights of sum one will do; or of which one is, which then is all."""
-    same = blend(np.zeros((1, 8, 8)), 4)
+    same = blend(np.zeros((1, 8, 8)), 4, np.full((1, 8), 1.0 / 8.0))
     assert (same.sum(), (same >= 0.0).all(), np.count_nonzero(same) <= 4) == (1.0, True, True)
     errors = np.random.default_rng(7).normal(size=(1, 5, 9))
     errors[0, 3] = 0.0
-    np.testing.assert_allclose(blend(errors @ errors.transpose(0, 2, 1), 4)[0], [0, 0, 0, 1, 0], atol=1e-9)
+    np.testing.assert_allclose(
+        blend(errors @ errors.transpose(0, 2, 1), 4, np.full((1, 5), 0.2))[0], [0, 0, 0, 1, 0], atol=1e-9
+    )
 
 
 def test_chains_go_from_where_a_cloth_is_held_to_its_hem():

@@ -8,7 +8,7 @@ LEAST = 1e-10  # of the guesses' mean error: a gain that counts, and what tells 
 SMALLEST = 1e-300  # an error that can be divided by
 
 
-def blend(products: FloatArray, most: int) -> FloatArray:
+def blend(products: FloatArray, most: int, near: FloatArray) -> FloatArray:
     """Weights, none negative and of sum one, of the least sum of squares w^T P w, shape (V, n).
 
     Where more than `most` are wanted the largest of these stay, fitted once more.
@@ -16,17 +16,18 @@ def blend(products: FloatArray, most: int) -> FloatArray:
     Args:
         products: for each of V points the scalar products of its n guesses' errors, shape (V, n, n).
         most: how many guesses a point may blend.
+        near: weights to begin from, none negative; the nearer, the sooner the best are found, shape (V, n).
     """
-    found = _least(products, np.ones(products.shape[:2], bool))
+    found = _least(products, np.ones(products.shape[:2], bool), near)
     over = np.flatnonzero(np.count_nonzero(found, axis=1) > most)
     if len(over):
         best = np.zeros(found[over].shape, bool)
         np.put_along_axis(best, np.argsort(-found[over], axis=1)[:, :most], True, axis=1)
-        found[over] = _least(products[over], best)
+        found[over] = _least(products[over], best, np.where(best, found[over], 0.0))
     return found
 
 
-def _least(products: FloatArray, allowed: NDArray[np.bool_]) -> FloatArray:
+def _least(products: FloatArray, allowed: NDArray[np.bool_], near: FloatArray) -> FloatArray:
     """The same out of those guesses alone that are allowed, by the active sets of Lawson and Hanson ("Solving least
     squares problems", 1974, chapter 23), all points at once.
 
@@ -37,15 +38,8 @@ def _least(products: FloatArray, allowed: NDArray[np.bool_]) -> FloatArray:
     count, size = allowed.shape
     scale = np.maximum(np.trace(products, axis1=1, axis2=2) / size, SMALLEST)
     system = products / scale[:, None, None] + 1.0 + LEAST * np.eye(size)
-    weights, free = np.zeros((count, size)), np.zeros((count, size), bool)
+    weights, free, todo = near.copy(), near > 0.0, np.arange(count)
     for _ in range(3 * size):
-        # Of those at zero the one that gains most becomes free; where none gains anything the weights are found.
-        gains = np.where(allowed & ~free, 1.0 - np.einsum("vij,vj->vi", system, weights), 0.0)
-        entering = gains.argmax(axis=1)
-        todo = np.flatnonzero(gains.max(axis=1) > LEAST)
-        if not len(todo):
-            break
-        free[todo, entering[todo]] = True
         while len(todo):
             now, best = weights[todo], _unbounded(system[todo], free[todo])
             falls = free[todo] & (best <= 0.0)
@@ -56,6 +50,13 @@ def _least(products: FloatArray, allowed: NDArray[np.bool_]) -> FloatArray:
             weights[todo] = np.where(stopped, 0.0, now + way * (best - now))
             free[todo] &= ~stopped
             todo = todo[falls.any(axis=1)]
+        # Of those at zero the one that gains most becomes free; where none gains anything the weights are found.
+        gains = np.where(allowed & ~free, 1.0 - np.einsum("vij,vj->vi", system, weights), 0.0)
+        entering = gains.argmax(axis=1)
+        todo = np.flatnonzero(gains.max(axis=1) > LEAST)
+        if not len(todo):
+            break
+        free[todo, entering[todo]] = True
     return weights / weights.sum(axis=1, keepdims=True)
 
 
