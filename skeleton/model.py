@@ -330,8 +330,7 @@ def _roles_of_clip(clip: Clip, given: Mapping[str, str]) -> tuple[dict[str, str]
     named = find_roles(clip.joints, clip.parents.tolist(), {**clip.roles, **given})
     if all(f"{side}_{limb}" in named for side in SIDES for limb in ("upper_arm", "hand", "thigh")):
         return named, ()
-    few = clip.sampled()
-    points = np.concatenate([few.world_positions(), few.end_positions()], axis=1)
+    points = clip.sampled().world_points()
     above = [*clip.parents.tolist(), *clip.end_parents.tolist()]
     shaped = {role: clip.joints[joint] for role, joint in roles_by_shape(above, len(clip.joints), points).items()}
     guessed = {role: joint for role, joint in shaped.items() if role not in named and joint not in named.values()}
