@@ -243,9 +243,14 @@ class Clip:
 
     def end_positions(self) -> FloatArray:
         """Positions of the end sites in the world [m], shape (F, E, 3)."""
+        return self.world_points()[:, len(self.joints) :]
+
+    def world_points(self) -> FloatArray:
+        """Positions of the joints and then of the end sites in the world [m], shape (F, J + E, 3)."""
         positions, rotations = self.world_poses()
         at = self.end_parents
-        return positions[:, at] + quaternions.rotate(rotations[:, at], self.end_offsets)
+        ends = positions[:, at] + quaternions.rotate(rotations[:, at], self.end_offsets)
+        return np.concatenate([positions, ends], axis=1)
 
     def sampled(self) -> "Clip":
         """A few of the frames, spread over the clip: enough to measure a body by."""
@@ -260,7 +265,6 @@ class Clip:
 
     def standing_height(self) -> float:
         """Height of the body if it stood upright [m], whatever its pose in the clip; see `stature.standing_height`."""
-        sampled = self.sampled()
-        points = np.concatenate([sampled.world_positions(), sampled.end_positions()], axis=1)
+        points = self.sampled().world_points()
         landmarks = stature.find_landmarks(self.joints, self.parents, self.end_parents, points, self.roles)
         return stature.standing_height(points, landmarks)

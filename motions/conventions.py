@@ -129,6 +129,8 @@ def choose_up(points: FloatArray, landmarks: stature.Landmarks | None, height: f
         where = "a convention, though the feet are above the head in most frames; give up if it's wrong"
     elif turns or along[axis] <= _UPRIGHT:
         where += "; the body is far from upright, give up if it's wrong"
+    elif lows[axis] > max(_OFF_FLOOR * height, 2.0 * lows[other]):
+        where += f"; the body gets {lows[axis] / height:.1f} times its height along it, give up if it's wrong"
     return axis, f"up: +{axis.upper()} axis, {where}"
 
 

@@ -89,7 +89,10 @@ def whole_file(path: Path) -> Iterator[Path]:
         FileError: it can't be written.
     """
     try:
-        partial = begin_file(path)
+        try:
+            partial = begin_file(path)
+        except ValueError as error:
+            raise FileError(f"can't write {str(path)[:200]!r}: {error}") from None
         try:
             yield partial
             partial.replace(path)

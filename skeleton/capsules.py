@@ -58,7 +58,7 @@ def body_capsules(
         ValueRangeError: a radius, the scale or the height isn't positive.
     """
     radii = dict(radii or {})
-    for name in (*radii, *(only or ())):
+    for name in (*radii, *(() if only is None else only)):
         if name not in CAPSULES:
             raise UnknownNameError("capsule", name, CAPSULES)
     for label, value in (("scale", scale), ("height", height)):

@@ -57,14 +57,14 @@ def find_urdf(path_or_name: str | Path, package_dirs: Sequence[str | Path] = ())
     if name.startswith(_PACKAGE):
         folders = [*map(Path, package_dirs), *_ros_folders(), *_data_folders()]
         for folder in folders:
-            if (path := folder / name.removeprefix(_PACKAGE)).is_file():
+            if os.path.isfile(path := folder / name.removeprefix(_PACKAGE)):
                 return path
         looked = ", ".join(map(str, folders))
         raise FileError(f"no folder holds {name}; looked in: {looked}")
     path = Path(path_or_name)
-    if path.is_dir():
+    if os.path.isdir(path):  # and not as a `Path` would: that fails where a name is too long
         raise FileError(f"{path} is a directory, not a URDF file")
-    if path.is_file():
+    if os.path.isfile(path):
         return path
     if path.suffix or len(path.parts) > 1:
         raise FileError(f"there is no file {path}; robots known by name: {', '.join(ROBOTS)}")

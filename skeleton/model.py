@@ -328,13 +328,15 @@ class Skeleton:
 def _roles_of_clip(clip: Clip, given: Mapping[str, str]) -> tuple[dict[str, str], tuple[str, ...]]:
     """The joint that plays each role, by names, and where these don't tell of limbs by the shape of the body."""
     named = find_roles(clip.joints, clip.parents.tolist(), {**clip.roles, **given})
-    if all(f"{side}_{limb}" in named for side in SIDES for limb in ("upper_arm", "thigh")):
+    if all(f"{side}_{limb}" in named for side in SIDES for limb in ("upper_arm", "hand", "thigh")):
         return named, ()
-    few = clip.sampled()
-    points = np.concatenate([few.world_positions(), few.end_positions()], axis=1)
+    points = clip.sampled().world_points()
     above = [*clip.parents.tolist(), *clip.end_parents.tolist()]
     shaped = {role: clip.joints[joint] for role, joint in roles_by_shape(above, len(clip.joints), points).items()}
     guessed = {role: joint for role, joint in shaped.items() if role not in named and joint not in named.values()}
+    for hand, forearm in ((f"{side}_hand", f"{side}_forearm") for side in SIDES):
+        if hand in guessed and named.get(forearm, shaped[forearm]) != shaped[forearm]:
+            del guessed[hand]  # of an arm that is another one by its shape than by its names
     if not guessed:
         return named, ()
     found = {role: {**guessed, **named}[role] for role in ROLES if role in guessed or role in named}

@@ -12,6 +12,7 @@ from motions.errors import PACKAGES, UserError, missing_package
 from motions.files import printable
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+NO_WAY = (errno.ENAMETOOLONG, errno.EACCES, errno.EPERM, errno.ELOOP)
 INTERRUPTED = 130  # the shells' status for what Ctrl-C has ended; of other signals it is 128 and their number
 
 
@@ -97,6 +98,8 @@ def _status_of(error: BaseException) -> int:
         return 1
     if isinstance(error, OSError) and error.errno in FULL:
         return _tell(f"can't write {error.filename or 'a file'}: {error.strerror}", 2)
+    if isinstance(error, OSError) and error.errno in NO_WAY and error.filename:
+        return _tell(f"can't use {error.filename}: {error.strerror}", 2)
     if isinstance(error, typer.Abort):
         if (cut := _cut_short(error.__cause__)) is not None:
             return _tell(f"can't load {cut}: it is cut short, as by a full disk; remove it, it is made anew", 2)
@@ -117,7 +120,7 @@ def _cut_short(error: BaseException | None) -> str | None:
 def _tell(text: str, status: int) -> int:
     from cape.cli.words import shortened
 
-    print("cape: " + shortened(printable(" ".join(text.split()))), file=sys.stderr)
+    print(shortened(printable("cape: " + " ".join(text.split()))), file=sys.stderr)
     return status
 
 

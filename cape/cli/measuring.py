@@ -19,7 +19,7 @@ def require_folder(folder: Path) -> None:
     Raises:
         FileError: there is no such folder, or it can't be written.
     """
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise FileError(f"can't write to {folder}: there is no such folder")
     if not os.access(folder, os.W_OK):
         raise FileError(f"can't write to {folder}: it is not writable")

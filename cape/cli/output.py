@@ -25,11 +25,11 @@ def output_path(
     path, inputs = Path(f"{name}{ending}") if asked is None else asked, tuple(inputs)
     if str(path) == "-":
         raise FileError("can't write to standard output: -o takes a file, such as ./-")
-    if path.exists() and any(given is not None and _is_same(path, Path(given)) for given in inputs):
+    if _is_there(path) and any(given is not None and _is_same(path, Path(given)) for given in inputs):
         raise FileError(f"can't write {path}: it is what is read")
     folder = path.resolve().parent
     for given in filter(None, inputs):
-        if _is_same(folder, Path(given).parent) and exports.may_write(path, Path(given).name) and Path(given).exists():
+        if _is_same(folder, Path(given).parent) and exports.may_write(path, Path(given).name) and os.path.exists(given):
             raise FileError(f"can't write {path}: {given}, which is read, would be written over")
     if path.suffix.lower() in WANT_TEXT and text_of(whole := str(path.absolute())) != whole:
         raise FileError(f"can't write {path}: {whole} is no text (UTF-8), as such a file wants its path: rename it")
@@ -50,6 +50,21 @@ def require_suffix(path: Path, suffixes: Sequence[str], hint: str = "") -> None:
     """
     if path.suffix and path.suffix.lower() not in suffixes:
         raise UnknownNameError("kind of output", path.suffix, suffixes, hint)
+
+
+def _is_there(path: Path) -> bool:
+    """Tell whether something is there already.
+
+    Raises:
+        FileError: nothing can be, as a name is too long, or nobody may look.
+    """
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except (OSError, ValueError) as error:
+        raise FileError(f"can't write {path}: {getattr(error, 'strerror', None) or error}") from None
+    return True
 
 
 def _is_same(path: Path, other: Path) -> bool:

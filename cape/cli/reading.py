@@ -1,5 +1,6 @@
 """What a command line asks for of a motion and of who makes it, and both read."""
 
+import os
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -121,7 +122,7 @@ class Reading:
 
     def _read(self, clip: str, name: str | None = None) -> motions.Clip:
         path = Path(clip)
-        if (what := NO_MOTIONS.get(path.suffix.lower())) is not None and path.is_file():
+        if (what := NO_MOTIONS.get(path.suffix.lower())) is not None and os.path.isfile(path):
             raise FileError(f"{clip} is no motion, but {what}")
         return motions.load(
             clip,

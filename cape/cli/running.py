@@ -63,8 +63,7 @@ def simulated(
         ValueRangeError: the cape can't be put on.
     """
     console = Console(stderr=True)
-    for decision in gathered(who.decisions):
-        told = printable(f"{who.name}: {decision}")
+    for told in gathered(printable(f"{who.name}: {decision}") for decision in who.decisions):
         console.print(told, style="dim", highlight=False, markup=False, soft_wrap=True)
     with _told(console), _loading(modules) as begin, _progress(console) as advance:
 

@@ -69,7 +69,7 @@ def require_recording(path: str | os.PathLike[str]) -> Path:
     Raises:
         FileError: there is no such file.
     """
-    if not Path(path).is_file():
+    if not os.path.isfile(path):
         raise FileError(f"can't read {path}: there is no such file")
     return Path(path)
 

@@ -7,6 +7,7 @@ follows from the types of a take's fields, so that a new field needs no line her
 """
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from os import PathLike
@@ -80,7 +81,7 @@ def load(path: str | PathLike[str]) -> Take:
             f"{path} is a recording, which holds less than a take: cape replay CLIP -o {path.stem}.npz, or take.keep, "
             "keeps a take"
         )
-    if path.suffix.lower() in MOTIONS and path.is_file():
+    if path.suffix.lower() in MOTIONS and os.path.isfile(path):
         raise FileError(f"{path} is a motion, not a kept take: cape replay {path} -o {path.stem}.npz keeps one")
     arrays = read_arrays(path)
     if TEXT not in arrays or arrays[TEXT].dtype.kind != "S" or arrays[TEXT].ndim:

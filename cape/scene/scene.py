@@ -96,7 +96,7 @@ class Scene:
             raise ValueRangeError(f"gravity must be three finite numbers, not {self.gravity}")
         if self.tethers is not None and not any(attachment.hard for attachment in self.attachments):
             raise ValueRangeError("tethers need vertices that are held hard")
-        if not self.attachments and any(confinement.needs_holds for confinement in self.confinements):
+        if not len(self.attachments) and any(confinement.needs_holds for confinement in self.confinements):
             raise ValueRangeError("a bound by the distance from what is held needs an attachment")
         if self.strain_limit and not self.cloth.has_threads:
             raise ValueRangeError("only threads have a strain limit: this cloth is a mesh that does not tell its own")

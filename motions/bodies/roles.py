@@ -35,20 +35,30 @@ _MEANINGS = {
 }
 _MEANING_OF = {word: meaning for meaning, words in _MEANINGS.items() for word in words.split()}
 _SIDE_OF = {"left": "left", "l": "left", "lft": "left", "right": "right", "r": "right", "rt": "right", "rgt": "right"}
-_FILLER = {"joint", "jnt", "link", "bone", "def", "bend", "pitch", "roll", "yaw"}
+_FILLER = {"joint", "jnt", "link", "bone", "def", "bend", "stretch", "pitch", "roll", "yaw"}
 _TURNS = {"pitch", "roll", "yaw"}
+_HELPERS = ("twist", "roll", "helper", "pole", "corrective", "nub", "end")  # what is part of a limb, but no joint of it
 
 
 @dataclass(frozen=True)
 class _Name:
-    """What a joint's name says: its side, its meaning, and whether it is one of a robot's serial single-axis joints."""
+    """What a joint's name says.
+
+    Attributes:
+        side: "left" or "right", None for what is in the middle.
+        meaning: one of `_MEANINGS`, None where it is no word of these.
+        single_axis: whether it is one of a robot's serial single-axis joints.
+        strange: whether nothing in it is a word of these, as in another language.
+    """
 
     side: str | None
     meaning: str | None
     single_axis: bool
+    strange: bool
 
-
-NAMELESS = _Name(None, None, False)
+    def may_be_of(self, side: str) -> bool:
+        """Tell whether it may be any joint of a side's limbs."""
+        return self.strange and self.side in (None, side)
 
 
 @checked
@@ -202,7 +212,9 @@ def _read_name(words: Sequence[str]) -> _Name:
             for bare in (word.removeprefix(mark), word.removesuffix(mark)):
                 if bare != word and bare in _MEANING_OF:
                     side, word = marked_side, bare
-    return _Name(side, _MEANING_OF.get(word), not _TURNS.isdisjoint(words))
+    turns = not _TURNS.isdisjoint(words)
+    strange = not turns and not any(known in word for known in (*_MEANING_OF, *_HELPERS))
+    return _Name(side, _MEANING_OF.get(word), turns, strange)
 
 
 def _find_arm(tree: _Tree, names: Sequence[_Name], side: str, given: Mapping[str, int]) -> dict[str, int]:
@@ -216,9 +228,11 @@ def _find_arm(tree: _Tree, names: Sequence[_Name], side: str, given: Mapping[str
     clavicle = tree.first(named("clavicle"), names)
     if upper is None:
         upper = tree.first(named("shoulder"), names)
-        between = _between(tree, upper, tree.first(named("forearm"), names))
-        if clavicle is None and len(between) == 1 and names[between[0]] == NAMELESS:
-            clavicle, upper = upper, between[0]  # its own name tells nothing, as in another language
+        below = tree.first(named("forearm"), names)
+        strangers = 1 if below is not None else 2
+        between = _between(tree, upper, tree.first(named("hand"), names, below=upper) if below is None else below)
+        if clavicle is None and len(between) == strangers and all(names[joint].may_be_of(side) for joint in between):
+            clavicle, upper = upper, between[-1]  # the next one; its own name tells nothing, as in another language
     elif clavicle is None:
         above = tree.ancestors(upper)
         clavicle = tree.first([joint for joint in named("shoulder") if joint in above], names)
@@ -256,6 +270,12 @@ def _find_leg(tree: _Tree, names: Sequence[_Name], side: str, given: Mapping[str
         leg = tree.first(named("leg"), names)
         has_shin = bool(named("shin"))
         thigh = leg if leg is not None and (hip is None or has_shin) else hip
+        if (
+            thigh == leg
+            and not has_shin
+            and (strange := _thigh_above(tree, names, side, leg, named("foot"))) is not None
+        ):
+            thigh, shin = strange, leg
     if thigh is None:
         return {}
     if shin is None:
@@ -270,6 +290,17 @@ def _find_leg(tree: _Tree, names: Sequence[_Name], side: str, given: Mapping[str
         foot = tree.next_below(shin) if foot is None else foot
     limb = {"thigh": thigh, "shin": shin, "foot": foot}
     return {f"{side}_{role}": joint for role, joint in limb.items() if joint is not None}
+
+
+def _thigh_above(tree: _Tree, names: Sequence[_Name], side: str, leg: int | None, feet: Sequence[int]) -> int | None:
+    """The joint above a "leg" that bears the foot and is thus the shin; None where that isn't so, or it bears both."""
+    if leg is None or not any(tree.parents[foot] == leg for foot in feet):
+        return None
+    above = tree.parents[leg]
+    if above < 0 or not names[above].may_be_of(side):
+        return None
+    others = [joint for joint, name in enumerate(names) if name.side not in (None, side)]
+    return None if any(above in tree.ancestors(joint) for joint in others) else above
 
 
 def _find_trunk(tree: _Tree, names: Sequence[_Name], limbs: Mapping[str, int]) -> dict[str, int]:

@@ -96,4 +96,12 @@ class _Known(dict[str, Any]):
 
     def __missing__(self, name: str) -> Any:
         places = (builtins, *(sys.modules.get(package) for package in PACKAGES))
-        return next((getattr(place, name) for place in places if hasattr(place, name)), Any)
+        unknown = _Module() if name.islower() else Any
+        return next((getattr(place, name) for place in places if hasattr(place, name)), unknown)
+
+
+class _Module:
+    """A module that is imported for a type checker alone: whatever it holds is anything."""
+
+    def __getattr__(self, name: str) -> Any:
+        return Any

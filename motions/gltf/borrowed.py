@@ -5,6 +5,7 @@ what its counterpart has turned from there (VRMC_vrm_animation-1.0, "how to tran
 are long.
 """
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -29,7 +30,7 @@ _STEP, _NEARLY = np.pi / 2.0, np.radians(10.0)
 
 def is_elsewhere(animation: str) -> bool:
     """Whether an animation is named by its file."""
-    return Path(animation).suffix.lower() in SUFFIXES and Path(animation).is_file()
+    return Path(animation).suffix.lower() in SUFFIXES and os.path.isfile(animation)
 
 
 def borrowed(

@@ -42,7 +42,7 @@ class Source:
     @cached_property
     def points(self) -> FloatArray:
         """Joints and end sites in the world [m], shape (F, J + E, 3)."""
-        return np.concatenate([self.clip.world_positions(), self.clip.end_positions()], axis=1)
+        return self.clip.world_points()
 
     @cached_property
     def speed_limits(self) -> FloatArray:

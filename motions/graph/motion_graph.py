@@ -160,7 +160,7 @@ class MotionGraph:
             ValueRangeError: no clips, two of one name, different skeletons, a clip of less than three blends, or a
                 number that isn't above 0.
         """
-        if not clips:
+        if not len(clips):
             raise ValueRangeError("a motion graph needs at least one clip")
         names = [clip.name for clip in clips]
         if repeated := sorted({name for name in names if names.count(name) > 1}):

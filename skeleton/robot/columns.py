@@ -13,6 +13,10 @@ from motions.errors import FileError
 FloatArray = NDArray[np.float64]
 
 TIME_NAMES = ("time", "times", "t", "timestamp", "seconds")
+FRAME_NAMES = ("", "#", "frame", "frames", "frame_id", "frame_idx", "frame_index", "frame_number", "index", "step")
+"""Of columns that count the rows, as programs that write tables put before them; some give them no name."""
+
+_SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6}
 
 _ROOT = {
     "x": r"(?:p|pos|t)[ _.]?x|x", "y": r"(?:p|pos|t)[ _.]?y|y", "z": r"(?:p|pos|t)[ _.]?z|z",
@@ -80,8 +84,9 @@ def order_of(header: Sequence[str], expected: Sequence[str], where: str) -> Orde
         found = dict(enumerate(range(len(header))))
         places = [found.get(k) for k in range(len(expected))]
     else:
-        mine, theirs = _without_shared([_root_name(name) for name, _ in plain]), _without_shared(list(expected))
-        places = [mine.index(name) if mine.count(name) == 1 else None for name in theirs]
+        mine, theirs = [_root_name(name) for name, _ in plain], [name.lower() for name in expected]
+        whole, bare = _places(mine, theirs), _places(_without_shared(mine), _without_shared(theirs))
+        places = min(whole, bare, key=lambda found: found.count(None))
     missing = [name for name, place in zip(expected, places, strict=True) if place is None]
     unknown = [header[place] for place in sorted(set(range(len(header))) - {p for p in places if p is not None})]
     if missing or unknown:
@@ -92,6 +97,24 @@ def order_of(header: Sequence[str], expected: Sequence[str], where: str) -> Orde
         )
     order = [place for place in places if place is not None]
     return Order(order, degrees[order], by_name)
+
+
+def seconds_in(name: str) -> float | None:
+    """The seconds in the unit of a column of times; None where its name is that of something else."""
+    name = name.strip().strip("\"'").lower()
+    found = re.fullmatch(r"(.*?)(?:[ _]*[\[(](s|sec|ms|us)[\])]|[ _](s|sec|ms|us))?", name)
+    return _SECONDS[found[2] or found[3] or ""] if found and found[1] in TIME_NAMES else None
+
+
+def counts_rows(name: str, values: FloatArray) -> bool:
+    """Tell whether a column counts frames: by its name, and as it holds whole numbers that grow."""
+    named = name.strip().strip("\"'").lower() in FRAME_NAMES
+    return named and bool((values == np.round(values)).all() and (np.diff(values) > 0.0).all())
+
+
+def _places(names: Sequence[str], expected: Sequence[str]) -> list[int | None]:
+    """Where each expected name stands among others; None where it does not, or stands twice."""
+    return [names.index(name) if names.count(name) == 1 else None for name in expected]
 
 
 def _plain(name: str) -> tuple[str, str]:

@@ -15,7 +15,7 @@ from motions.border import checked
 from motions.errors import ValueRangeError
 from motions.files import text_of
 from skeleton.model import Skeleton
-from skeleton.rest import missing_roles
+from skeleton.rest import FRAME_ROLES, missing_roles
 from skeleton.robot.columns import Numbers
 from skeleton.robot.motion_tables import Table, read_csv, read_npz
 from skeleton.robot_motion import RobotMotion
@@ -40,6 +40,7 @@ _NO_QUATERNION = 0.5  # by which it can't be one
 _SLACK = 1e-3  # [rad] or [m] beyond a joint's limit that rounding explains
 _FASTEST_ROOT = (12.0, 30.0)  # m/s, a sprinter's; rad/s, five turns a second
 _NO_LIMIT = 1e3  # a speed above which a limit is none
+_HIGH_UP = 10.0  # of its heights that no body is above the floor throughout
 _NAMED = 4  # joints that a sentence names
 
 
@@ -48,11 +49,11 @@ def load_configurations(path: str | PathLike[str], body: Skeleton, *, fps: float
     """Read a robot's motion: a CSV file with a configuration in each row, or an NPZ file of arrays.
 
     A CSV file may begin with a row of names, `column_names(body)` in any order, with or without a prefix and units, and
-    with a column of times [s]. Joints that follow others (`mimic`) may be left out, and are where those take them. An
-    NPZ file holds `q` like such rows; or `qpos` as MuJoCo has it, w first; or
-    `root_pos`, `root_rot` and `dof_pos` apart; and `times` [s] or `fps`. Where nothing tells whether a root's
-    quaternion begins or ends with w, it does so that the head is above the feet. Quaternions are brought to unit
-    length.
+    with a column of times, [s] unless its name ends in another unit, and one that counts frames. Joints that follow
+    others (`mimic`) may be left out, and are where those take them. An NPZ file holds `q` like such rows; or `qpos` as
+    MuJoCo has it, w first; or `root_pos`, `root_rot` and `dof_pos` apart; and `times` [s] or `fps`. Where nothing tells
+    whether a root's quaternion begins or ends with w, it does so that the head is above the feet. Quaternions are
+    brought to unit length.
 
     Args:
         path: the file.
@@ -192,7 +193,10 @@ def _unit_quaternions(path: Path, rows: FloatArray, model: "pinocchio.Model") ->
 
 def _doubts(path: Path, motion: RobotMotion, body: Skeleton) -> list[str]:
     """What looks wrong in a motion, a sentence each: limits, speeds, a body upside down."""
-    sentences = [_beyond_limits(motion, body.model), _too_fast(motion, body.model), _not_upright(path, motion, body)]
+    sentences = [
+        _beyond_limits(motion, body.model), _too_fast(motion, body.model), _not_upright(path, motion, body),
+        _never_near_the_floor(motion, body),
+    ]  # fmt: skip
     return [sentence for sentence in sentences if sentence is not None]
 
 
@@ -247,6 +251,16 @@ def _not_upright(path: Path, motion: RobotMotion, body: Skeleton) -> str | None:
     if motion.frames > 1 and (rise < 0.0).all():
         raise ValueRangeError(f"{path}: the trunk hangs head down throughout: {words}")
     return f"the trunk hangs head down in most frames: {words}"
+
+
+def _never_near_the_floor(motion: RobotMotion, body: Skeleton) -> str | None:
+    """A body that is many of its heights up throughout, as where places are not in metres."""
+    if body.model.nqs[1] != 7 or missing_roles(body.rest, FRAME_ROLES):
+        return None
+    lowest = float(motion.configurations[:, 2].min())
+    if lowest < _HIGH_UP * body.rest.height:
+        return None
+    return f"the body is {lowest:.3g} m above the floor or more throughout: places are taken to be in metres"
 
 
 def _sentence(problem: str, found: list[tuple[float, str]]) -> str | None:

@@ -11,7 +11,7 @@ from motions.arrays import read_arrays
 from motions.errors import FileError
 from motions.files import printable, read_bytes
 from motions.limits import LARGEST_NUMBER
-from skeleton.robot.columns import TIME_NAMES, Numbers, order_of
+from skeleton.robot.columns import TIME_NAMES, Numbers, counts_rows, order_of, seconds_in
 
 FloatArray = NDArray[np.float64]
 
@@ -130,18 +130,20 @@ def read_csv(path: Path, numbers: Numbers) -> Table:
     if not named:
         return Table(table)
     header = [printable(cell.strip("\"'")) for cell in header]
-    time = next((k for k, name in enumerate(header) if name.lower() in TIME_NAMES), None)
-    others = [k for k in range(len(header)) if k != time]
+    units = {k: unit for k, name in enumerate(header) if (unit := seconds_in(name)) is not None}
+    time = next(iter(units), None)
+    counting = [k for k, name in enumerate(header) if counts_rows(name, table[:, k])]
+    others = [k for k in range(len(header)) if k != time and k not in counting]
     expected = numbers.of_width(len(others))
     order = order_of([header[k] for k in others], expected, f"{path}, line {kept[0] + 1}")
     rows, degrees = table[:, [others[k] for k in order.places]], order.degrees
-    decisions = []
+    decisions = [f"column {header[k]!r} is left out: it counts the frames" for k in counting]
     if order.places != sorted(order.places):
         decisions.append("columns put into the robot's order by their names")
     if degrees.any():
         rows[:, degrees] = np.deg2rad(rows[:, degrees])
         decisions.append(f"{int(degrees.sum())} columns are in degrees by their names: turned into radians")
-    times = None if time is None else table[:, time]
+    times = None if time is None else table[:, time] * units[time]
     return Table(rows, times, w_first=False if order.by_name else None, decisions=tuple(decisions))
 
 

@@ -163,7 +163,7 @@ RIGHT: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
 WRONG: list[Any] = [
     math.nan, math.inf, -1, 0, 1e308, -1e308, 1e-30, 2.5, True, 10**40, 1j, "x", "", b"x", None, object(),
     [], [[0, 1], [2]], [math.nan] * 3, [1e308] * 3, [-1, -2, -3], ["a", "b", "c"], [1.0, 2.0, 3.0, 4.0], [9999],
-    {"a": 1}, np.array([object()], dtype=object), np.array(1.0),
+    {"a": 1}, np.array([object()], dtype=object), np.array(1.0), np.zeros((0, 3)), np.ones((2, 3)),
 ]  # fmt: skip
 
 # What must not be taken, of that which would do for other arguments.
@@ -260,6 +260,17 @@ def test_it_is_told_which_argument_is_of_another_kind(given: dict[str, Any], tol
         halved(**given)
     assert str(caught.value) == told
     assert isinstance(caught.value.__cause__, TypeError)
+
+
+@checked
+def of_what_is_not_imported(model: "nowhere.Model | None", length: float) -> float:  # noqa: F821 # pyright: ignore
+    return length + 1.0
+
+
+def test_kinds_of_modules_that_are_imported_for_type_checkers_are_any():
+    assert of_what_is_not_imported(None, 1.0) == 2.0
+    with pytest.raises(ValueRangeError, match="length must be a number, not 'x'"):
+        of_what_is_not_imported(None, "x")  # pyright: ignore
 
 
 def test_a_fault_of_its_own_is_left_as_it_is():

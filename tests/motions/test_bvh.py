@@ -367,6 +367,20 @@ def test_a_handstand_hangs_a_crawl_crawls_and_a_flip_flips(tmp_path, up):
         assert "if it's wrong" in told
 
 
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_what_gets_far_along_its_own_length_off_a_floor_is_told_as_a_doubt(tmp_path, up):
+    """It climbs, or it crawls over what is not even; a person on a trampoline does neither."""
+    clip, frames = motions.load(write(tmp_path, PERSON_WITH_ARMS)), 30
+    for climbed, doubt in ((2.0, True), (0.9, False)):
+        sways = 0.3 * np.sin(np.arange(frames))
+        made = rolled(clip, np.zeros(frames), np.stack([0.0 * sways, sways, np.linspace(0.0, climbed, frames)], axis=1))
+        motions.save(made, tmp_path / "climbs.bvh", up=up)
+        again = motions.load(tmp_path / "climbs.bvh", unit="cm", keep_first_frame=True)
+        told = next(decision for decision in again.decisions if decision.startswith("up:"))
+        assert told.startswith(f"up: +{up.upper()} axis")
+        assert ("times its height along it, give up if it's wrong" in told) == doubt
+
+
 @pytest.mark.parametrize("faster", [1.0, 3.0])
 def test_a_pose_that_no_joint_is_turned_in_is_dropped_before_motion_as_fast(tmp_path, faster):
     """Arms that swing by some `faster` tenths of a turn from frame to frame, after a row of zeros, or after none."""

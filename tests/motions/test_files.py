@@ -81,6 +81,13 @@ def test_only_regular_files_of_a_size_are_read(tmp_path, monkeypatch):
             read_bytes(tmp_path / name)
 
 
+@pytest.mark.parametrize("name", ["n" * 300, "a\0b"])
+def test_names_that_no_file_may_have_are_not_written(tmp_path, name):
+    with pytest.raises(FileError, match="can't write"):
+        write_text(tmp_path / name, "text")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_what_can_not_be_seen_is_written_as_an_escape():
     assert printable("Hüfte_L 1") == "Hüfte_L 1"
     assert printable("a\x1b[31mb\u202e\n\x7f") == "a\\x1b[31mb\\u202e\\n\\x7f"

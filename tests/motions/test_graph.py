@@ -88,7 +88,7 @@ def moved(clip: Clip, heading: float, shift: tuple[float, float]) -> Clip:
 
 
 def positions(clip: Clip) -> FloatArray:
-    return np.concatenate([clip.world_positions(), clip.end_positions()], axis=1)
+    return clip.world_points()
 
 
 def speeds(clip: Clip) -> FloatArray:

@@ -58,6 +58,12 @@ CONVENTIONS = {
         "shoulder.L upper_arm.L forearm.L hand.L f_index.01.L", "thigh.L shin.L foot.L toe.L",
         "spine spine.003 spine.004 spine.006", "shoulder.L upper_arm.L forearm.L hand.L", "thigh.L shin.L foot.L",
     ),
+    "auto-rig": (
+        "root.x spine_01.x spine_02.x", "neck.x head.x",
+        "shoulder.l arm_stretch.l forearm_stretch.l hand.l index1.l", "thigh_stretch.l leg_stretch.l foot.l toes_01.l",
+        "root.x spine_02.x neck.x head.x", "shoulder.l arm_stretch.l forearm_stretch.l hand.l",
+        "thigh_stretch.l leg_stretch.l foot.l",
+    ),
     "blender": (
         "Hips Spine Chest", "Neck Head",
         "Shoulder_L UpperArm_L LowerArm_L Hand_L", "UpperLeg_L LowerLeg_L Foot_L Toes_L",
@@ -150,7 +156,7 @@ def mirror(joint: str, convention: str) -> str:
         if mark in joint:
             new = mark.replace("Left", "Right").replace("left", "right")
             return joint.replace(mark, new if new != mark else mark.translate(swap), 1)
-    if joint.endswith("_l"):
+    if joint.endswith(("_l", ".l")):
         return joint[:-1] + "r"
     return joint[0].translate(swap) + joint[1:]
 
@@ -162,6 +168,39 @@ def test_roles_of_convention(convention):
     found = find_roles(joints, parents)
     assert found == expected
     assert list(found) == [role for role in ROLES if role in found]
+
+
+@pytest.mark.parametrize(
+    "strange",
+    [("Arm",), ("Arm", "ForeArm"), ("ForeArm",), ("UpLeg",), ("UpLeg", "Arm"), ("ToeBase", "UpLeg")],
+    ids="-".join,
+)
+@pytest.mark.parametrize("word", ["Pako", "\u0623\u0644\u0641"])
+def test_single_names_that_tell_nothing_are_told_by_those_around_them(strange, word):
+    """ "Shoulder" and "leg" mean two things each, and mean what is left to them when a neighbour's name is unknown."""
+    joints, parents, expected = build("mixamo")
+
+    def renamed(joint: str) -> str:
+        for k, limb in enumerate(strange):
+            for side in ("Left", "Right"):
+                if joint == f"mixamorig:{side}{limb}":
+                    return f"mixamorig:{side}{word}{'' if k == 0 else 'mu'}"
+        return joint
+
+    found = find_roles([*map(renamed, joints)], parents)
+    assert found == {role: renamed(joint) for role, joint in expected.items()}
+
+
+def test_what_twists_an_arm_is_no_arm_between_shoulder_and_elbow():
+    joints = ["pelvis", "chest", "l_shoulder", "l_shouldertwist", "l_elbow", "r_shoulder", "r_roll1", "r_elbow"]
+    found = find_roles(joints, [-1, 0, 1, 2, 3, 1, 5, 6])
+    assert (found["left_upper_arm"], found["right_upper_arm"]) == ("l_shoulder", "r_shoulder")
+
+
+def test_a_leg_that_hangs_at_what_bears_both_is_a_thigh_though_its_foot_is_next():
+    joints = ["mitte", "left_leg", "left_foot", "right_leg", "right_foot"]
+    found = find_roles(joints, [-1, 0, 1, 0, 3])
+    assert (found["left_thigh"], found["right_thigh"]) == ("left_leg", "right_leg")
 
 
 def test_override_wins_and_guides_what_hangs_below():

@@ -15,8 +15,7 @@ LIMBS = [f"{side}_{limb}" for side in SIDES for limb in ("upper_arm", "forearm",
 
 
 def by_shape(clip: Clip) -> dict[str, str]:
-    few = clip.sampled()
-    points = np.concatenate([few.world_positions(), few.end_positions()], axis=1)
+    points = clip.sampled().world_points()
     found = roles_by_shape([*clip.parents.tolist(), *clip.end_parents.tolist()], len(clip.joints), points)
     return {role: clip.joints[joint] for role, joint in found.items()}
 

@@ -643,6 +643,7 @@ def test_a_target_that_cannot_be_written(tmp_path: Path, take: Take):
         (tmp_path / "nowhere" / "take.rrd", "No such file or directory"),
         (tmp_path / "file" / "take.rrd", "Not a directory"),
         (tmp_path / ("x" * 300), "File name too long"),
+        (tmp_path / "a\0b", "embedded null"),
         (Path("/dev/null"), "it is no regular file"),
     ]:
         with pytest.raises(FileError, match=reason) as raised:

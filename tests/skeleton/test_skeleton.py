@@ -222,6 +222,17 @@ def test_roles_that_names_do_not_tell_are_guessed_from_the_shape_and_told():
     assert by_hand.role("head") == "joint_0"
 
 
+def test_a_hand_whose_name_tells_nothing_is_guessed_where_the_arm_is_that_of_its_names():
+    clip = motions.load("idle")
+    strange = replace(clip, joints=tuple(joint.replace("Hand", "Pako") for joint in clip.joints))
+    body = Skeleton.from_clip(strange)
+    assert (body.role("left_hand"), body.role("right_hand")) == ("LeftPako", "RightPako")
+    assert "left_hand=LeftPako, right_hand=RightPako;" in body.decisions[0]
+    other = Skeleton.from_clip(strange, roles={"left_upper_arm": "LeftShoulder", "left_forearm": "LeftArm"})
+    assert "left_hand" not in other.roles
+    assert other.role("right_hand") == "RightPako"
+
+
 def test_unknown_roles_and_bones_list_what_there_is():
     clip = figure(without=("Neck",))
     body = Skeleton.from_clip(clip)

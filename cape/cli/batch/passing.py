@@ -1,5 +1,6 @@
 """Options of `cape replay` that are handed on to it as its arguments: those of the command line, and of a sweep."""
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -120,7 +121,7 @@ def files_named(arguments: Sequence[str]) -> list[str]:
     named = [each for value in values for each in (value if isinstance(value, (list, tuple)) else [value])]
     if isinstance(scene, SceneFile):
         named.append(scene.path)
-    return list(dict.fromkeys(str(name) for name in named if name is not None and Path(name).is_file()))
+    return list(dict.fromkeys(str(name) for name in named if name is not None and os.path.isfile(name)))
 
 
 def _as_arguments(key: Key, value: Any) -> list[str]:

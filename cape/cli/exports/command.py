@@ -1,6 +1,7 @@
 """`cape export`: a kept take for other programs, or as the recording that it would have been."""
 
 import json as json_format
+import os
 import warnings
 from pathlib import Path
 
@@ -26,7 +27,7 @@ def run(path: Path, output: Path, *, joints: int | None, json: bool) -> int:
     else:
         require_format(output, joints=joints)
     output_path(output, "", inputs=(path,))
-    if not path.exists() and str(path) in clip_names():
+    if not os.path.exists(path) and str(path) in clip_names():
         raise FileError(f"{path} is a motion, not a kept take: cape replay {path} -o {output} simulates and writes it")
     take = Take.load(path)
     with warnings.catch_warnings(record=True) as caught:

@@ -66,8 +66,8 @@ def run(
         inputs = (*reading.files, *cut.mesh.files, hitboxes, None if file is None else file.path)
         output = output_path(output, "", inputs=inputs)
     who = cast(reading, cut, scene=scene if isinstance(scene, NamedScene) else None, hitboxes=hitboxes)
-    for decision in gathered(who.decisions):
-        _tell(f"{who.name}: {decision}")
+    for decision in gathered(f"{who.name}: {decision}" for decision in who.decisions):
+        _tell(decision)
     for collider, reason in who.scene.left_out.items():
         _tell(f"{who.name}: {collider} is left out: {reason}")
     live = Live(

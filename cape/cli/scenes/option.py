@@ -1,5 +1,6 @@
 """The option `--scene`: a file, or a name, whose options hold where the command line gives no others."""
 
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,7 +25,7 @@ def scene_asked(text: str) -> SceneFile | NamedScene:
     """
     if text in all_scenes():
         return named_scene(text)
-    if Path(text).suffix.lower() == ".toml" or Path(text).exists():
+    if Path(text).suffix.lower() == ".toml" or os.path.exists(text):
         return read_scene(text)
     raise UnknownNameError("scene", text, all_scenes(), "Or give a TOML file, such as cape scene init writes")
 

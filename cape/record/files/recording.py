@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cape.record.files.sink import Sink, room_at
-from motions.errors import FileError
+from motions.errors import FileError, UserError
 from motions.files import begin_file
 
 if TYPE_CHECKING:
@@ -86,8 +86,8 @@ def recording_file(
     Raises:
         FileError: the file can't be written.
     """
-    target = Path(path).resolve()
     with _told(path):
+        target = Path(path).resolve()
         if target.exists() and not target.is_file():
             raise FileError(f"can't write {path}: it is {'a directory' if target.is_dir() else 'no regular file'}")
         if (room := room_at(target)) < size:
@@ -121,6 +121,10 @@ def _told(path: str | os.PathLike[str]) -> Iterator[None]:
         yield
     except OSError as error:
         raise FileError(f"can't write {path}: {error.strerror}") from error
+    except UserError:
+        raise
+    except ValueError as error:  # of a name that no file may have
+        raise FileError(f"can't write {os.fspath(path)!r}: {error}") from error
 
 
 def _check_complete(partial: Path, path: str | os.PathLike[str]) -> None:

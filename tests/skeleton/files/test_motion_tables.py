@@ -72,6 +72,43 @@ def test_a_row_of_names_that_does_not_fit_is_refused_and_numbers_are_no_names(tm
         np.testing.assert_allclose(motion.configurations, walker(), atol=1e-12)
 
 
+def test_of_a_row_of_names_with_one_too_many_it_alone_is_told(tmp_path, g1):
+    """It lacks what the names of all joints share, which does not keep these from being matched."""
+    wide = np.c_[walker(), np.ones(len(walker()))]
+    with pytest.raises(FileError, match="fit the robot: it has 'battery'; leave"):
+        load_configurations(write(tmp_path / "a.csv", wide, [*column_names(g1), "battery"]), g1)
+
+
+@pytest.mark.parametrize("name", ["Frame", "frame_idx", "", '"index"'])
+@pytest.mark.parametrize("first", [0, 17])
+def test_a_column_that_counts_frames_is_left_out_and_told(tmp_path, g1, name, first):
+    names, rows = list(column_names(g1)), walker()
+    counted = np.c_[first + np.arange(len(rows)), rows]
+    motion = load_configurations(write(tmp_path / "a.csv", counted, [name, *names]), g1)
+    np.testing.assert_allclose(motion.configurations, rows, atol=1e-12)
+    assert any("it counts the frames" in decision for decision in motion.decisions)
+    counted[-1, 0] = counted[-2, 0]
+    with pytest.raises(FileError, match="does not fit the robot"):
+        load_configurations(write(tmp_path / "b.csv", counted, [name, *names]), g1)
+
+
+@pytest.mark.parametrize(("name", "unit"), [("time", 1.0), ("Time [s]", 1.0), ("t_ms", 1e-3), ("timestamp (us)", 1e-6)])
+def test_times_are_in_the_unit_that_their_name_ends_in(tmp_path, g1, name, unit):
+    rows = walker()
+    times = np.arange(len(rows)) / 50.0
+    path = write(tmp_path / "a.csv", np.c_[times / unit, rows], [name, *column_names(g1)])
+    np.testing.assert_allclose(load_configurations(path, g1).times, times, atol=1e-9)
+
+
+@pytest.mark.parametrize(("scale", "doubted"), [(1.0, False), (1000.0, True)])
+def test_a_body_that_never_comes_near_the_floor_is_told(tmp_path, g1, scale, doubted):
+    rows = walker()
+    rows[:, :3] = np.array([0.0, 0.0, 0.8]) * scale
+    motion = load_configurations(write(tmp_path / "a.csv", rows), g1)
+    told = [decision for decision in motion.decisions if "places are taken to be in metres" in decision]
+    assert bool(told) == doubted
+
+
 def test_degrees_are_noticed_by_name_and_by_size(tmp_path, g1):
     names, rows = list(column_names(g1)), walker()
     rows[:, 7:] *= 20.0
