@@ -1,6 +1,6 @@
 """Cloth on moving bones: `Cloth`, `attach`, `Scene`, `simulate`, and `Simulation` for one's own loop."""
 
-from cape import starting as starting  # before what takes its time
+from cape import importing as importing  # before what takes its time
 from cape.air.record import WindRecord, read_wind
 from cape.air.wind import Wind
 from cape.cloth.cloth import Cloth, GridCloth, MeshCloth

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cape.starting import is_command
+from cape.importing import is_command
 from tests.support.command import CAPE
 from tests.support.processes import ROOT
 
