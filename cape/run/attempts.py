@@ -114,8 +114,7 @@ def bring_to_rest(cloth: Hanging, duration: float | None, velocity: FloatArray) 
         now = frame * SETTLING_FRAME
         share = min(now / PUT_ON_TIME, 1.0)
         share = share * share * (3.0 - 2.0 * share)
-        for attached, worn, spread in cloth.ways:
-            attached.points[:] = spread + share * (worn - spread)
+        cloth.lead(share)
         share = min(max((now - leave) / (arrive - leave), 0.0), 1.0) if dressed else 1.0
         pose = begin.towards(end, share * share * (3.0 - 2.0 * share)) if share < 1.0 else end
         cloth.blow(pose, 0.0, against=velocity)

@@ -358,6 +358,11 @@ class Hanging:
         goals = None if pull is None else np.empty((substeps + 1, 6, pull.stiffness.size))
         return Journal(integrated, unlimited, ended, np.empty((substeps, count), np.bool_), goals)
 
+    def lead(self, share: float) -> None:
+        """Have what bones hold be a share of the way from where it starts to where it is worn."""
+        for attached, worn, spread in self.ways:
+            attached.points[:] = spread + share * (worn - spread)
+
     def note_lift(self, duration: float) -> None:
         """Note how far what bones hold has drifted out of colliders in a frame of `duration` [s]."""
         attached = self.assembly.attached

@@ -426,6 +426,7 @@ class Simulation(ByHand):
         else:
             pose = read_pose(bones, self.bones)
             cloth = Hanging(self.scene, self.solver, pose, threads=self.threads, hands=self._hands)
+            cloth.lead(0.0)
         substeps = cloth.choose_substeps(dt)
         tried = min(substeps, FORECAST_SUBSTEPS)
         seconds = []
