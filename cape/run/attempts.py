@@ -58,10 +58,6 @@ def take_frame(cloth: Hanging, motion: Motion, dt: float, substeps: int, before:
     end = Pose(motion.position1, motion.rotation1)
     for attempt in range(RETRIES + 1):
         unconverged, sound = cloth.complete(motion, dt, substeps, before)
-        if attempt == 0 and sound and cloth.slips.begin(cloth.limit.long(), end):
-            before = before._replace(slips=cloth.slips.of_vertices.copy())
-            cloth.restore(before)
-            unconverged, sound = cloth.complete(motion, dt, substeps, before)
         if attempt == 0 and sound and not fixed:
             excess = cloth.limit.excess()
             needed, drawing = _needed_substeps(cloth, substeps, dt, excess)
@@ -71,6 +67,11 @@ def take_frame(cloth: Hanging, motion: Motion, dt: float, substeps: int, before:
                 cloth.restore(before)
                 substeps = max(needed, drawing)
                 unconverged, sound = cloth.complete(motion, dt, substeps, before)
+        # Only now: in long steps limbs go through what they only push along in shorter ones.
+        if attempt == 0 and sound and cloth.slips.begin(cloth.limit.long(), end):
+            before = before._replace(slips=cloth.slips.of_vertices.copy())
+            cloth.restore(before)
+            unconverged, sound = cloth.complete(motion, dt, substeps, before)
         if sound and cloth.limit.torn():
             # No limit can be kept: threads are to share out by their stiffness what limbs draw them to.
             cloth.restore(before)
