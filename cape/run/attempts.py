@@ -60,7 +60,8 @@ def take_frame(cloth: Hanging, motion: Motion, dt: float, substeps: int, before:
         unconverged, sound = cloth.complete(motion, dt, substeps, before)
         if attempt == 0 and sound and not fixed:
             excess = cloth.limit.excess()
-            needed, drawing = _needed_substeps(cloth, substeps, dt, excess)
+            drawn = cloth.limit.is_too_much(excess) or cloth.slips.begin(cloth.limit.long(), end)
+            needed, drawing = _needed_substeps(cloth, substeps, dt), DRAWING * substeps if drawn else substeps
             lasting = before.lasting + 1 if excess > 0.0 else 0
             if max(needed, drawing) > substeps:
                 refined = needed > substeps
@@ -157,13 +158,10 @@ def _settle_frame(cloth: Hanging, motion: Motion, substeps: int) -> bool:
     return True
 
 
-def _needed_substeps(cloth: Hanging, substeps: int, dt: float, excess: float) -> tuple[int, int]:
-    """Substeps that a frame of `dt` [s] would have needed, seen after taking it in fewer; and for its threads, that are
-    strained too much by an `excess`."""
+def _needed_substeps(cloth: Hanging, substeps: int, dt: float) -> int:
+    """Substeps that a frame of `dt` [s] would have needed, seen after taking it in fewer."""
     needed = math.ceil(substeps * min(cloth.haste, MOST_HASTE))
-    if cloth.strained:
-        needed = max(needed, cloth.choose_substeps(dt, strained=True))
-    return needed, DRAWING * substeps if cloth.limit.is_too_much(excess) else substeps
+    return max(needed, cloth.choose_substeps(dt, strained=True)) if cloth.strained else needed
 
 
 def diverged(substeps: int) -> Diverged:
