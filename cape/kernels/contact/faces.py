@@ -1,7 +1,8 @@
 """Contact of triangles with colliders so thin, or with such sharp edges, that they would poke through between vertices.
 
 What a triangle's deepest point needs (`contact.deepest`), its corners get by their barycentric weights w:
-dv_i = w_i / m_i / sum(w_k^2 / m_k) du.
+dv_i = w_i / m_i / sum(w_k^2 / m_k) du. A corner that two colliders pinch stays where it is: the others give way alone,
+and the point no farther than to midway between two colliders that pinch it as well.
 """
 
 import math
