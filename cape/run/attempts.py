@@ -58,19 +58,21 @@ def take_frame(cloth: Hanging, motion: Motion, dt: float, substeps: int, before:
     end = Pose(motion.position1, motion.rotation1)
     for attempt in range(RETRIES + 1):
         unconverged, sound = cloth.complete(motion, dt, substeps, before)
-        if attempt == 0 and sound and cloth.slips.begin(cloth.limit.long(), end):
-            before = before._replace(slips=cloth.slips.of_vertices.copy())
-            cloth.restore(before)
-            unconverged, sound = cloth.complete(motion, dt, substeps, before)
         if attempt == 0 and sound and not fixed:
             excess = cloth.limit.excess()
-            needed, drawing = _needed_substeps(cloth, substeps, dt, excess)
+            drawn = cloth.limit.is_too_much(excess) or cloth.slips.begin(cloth.limit.long(), end)
+            needed, drawing = _needed_substeps(cloth, substeps, dt), DRAWING * substeps if drawn else substeps
             lasting = before.lasting + 1 if excess > 0.0 else 0
             if max(needed, drawing) > substeps:
                 refined = needed > substeps
                 cloth.restore(before)
                 substeps = max(needed, drawing)
                 unconverged, sound = cloth.complete(motion, dt, substeps, before)
+        # Only now: in long steps limbs go through what they only push along in shorter ones.
+        if attempt == 0 and sound and cloth.slips.begin(cloth.limit.long(), end):
+            before = before._replace(slips=cloth.slips.of_vertices.copy())
+            cloth.restore(before)
+            unconverged, sound = cloth.complete(motion, dt, substeps, before)
         if sound and cloth.limit.torn():
             # No limit can be kept: threads are to share out by their stiffness what limbs draw them to.
             cloth.restore(before)
@@ -155,13 +157,10 @@ def _settle_frame(cloth: Hanging, motion: Motion, substeps: int) -> bool:
     return True
 
 
-def _needed_substeps(cloth: Hanging, substeps: int, dt: float, excess: float) -> tuple[int, int]:
-    """Substeps that a frame of `dt` [s] would have needed, seen after taking it in fewer; and for its threads, that are
-    strained too much by an `excess`."""
+def _needed_substeps(cloth: Hanging, substeps: int, dt: float) -> int:
+    """Substeps that a frame of `dt` [s] would have needed, seen after taking it in fewer."""
     needed = math.ceil(substeps * min(cloth.haste, MOST_HASTE))
-    if cloth.strained:
-        needed = max(needed, cloth.choose_substeps(dt, strained=True))
-    return needed, DRAWING * substeps if cloth.limit.is_too_much(excess) else substeps
+    return max(needed, cloth.choose_substeps(dt, strained=True)) if cloth.strained else needed
 
 
 def diverged(substeps: int) -> Diverged:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import cape
-from cape import Capsule, Cloth, Collider, Pose, Scene, Simulation, TaperedCapsule, attach
+from cape import Box, Capsule, Cloth, Collider, Pose, Scene, Simulation, TaperedCapsule, attach
 from cape.kernels.contact.contact import EXIT
 from cape.report.cases import CASES
 from cape.run.hanging import Hanging
@@ -119,3 +119,38 @@ def test_a_sheet_that_hangs_through_two_limbs_that_overlap_for_ever_hangs_still(
     assert np.linalg.norm(simulation.velocities, axis=1).max() < 0.5
     depth = RADIUS - np.hypot(0.03, simulation.positions[:, 2] - HEIGHT)
     assert simulation.read(meter).penetration == pytest.approx(depth.max(), abs=2e-4)
+
+
+@pytest.mark.parametrize("solver", ["euler", "xpbd"])
+def test_a_limb_does_not_go_through_a_cell_whose_corner_others_pinch(solver: str):
+    """It comes down in the middle between rows of vertices, which pass it on either side."""
+    radius, half, still = 0.02, np.array([0.15, 0.0, 0.0]), [1.0, 0.0, 0.0, 0.0]
+    sheet = Cloth.rectangle(
+        width=0.4, height=0.4, spacing=0.1, origin=(-0.2, -0.2, 0.0), right=(1.0, 0.0, 0.0), down=(0.0, 1.0, 0.0)
+    )
+    knobs = [
+        Box(name=name, center=np.array([0.0, 0.0, z]), half_sizes=np.array([0.03, 0.03, 0.02]))
+        for name, z in (("below", -0.015), ("above", 0.015))
+    ]
+    held = [attach(sheet, "frame", edge) for edge in ("top", "bottom")]
+    scene = Scene(sheet, held, [Capsule("limb", "limb", -half, half, radius), *knobs], thickness=0.002)
+    simulation = Simulation(scene, solver=cape.solver(solver), threads=1)
+
+    def bones(height: float) -> dict[str, tuple[np.ndarray, list[float]]]:
+        return {"frame": (np.zeros(3), still), "limb": (np.array([0.0, 0.05, height]), still)}
+
+    simulation.start(bones(0.03), settle=0.0)
+    colliders = simulation.assembly.contacts.colliders
+    assert colliders is not None
+    share = np.arange(9) / 8.0
+    weights = np.array([(a, b, 1.0 - a - b) for a in share for b in share if a + b <= 1.0])
+    deepest, pinched = -np.inf, False
+    for height in np.linspace(0.03, -0.02, 31)[1:]:
+        simulation.step(bones(height), 1.0 / 60.0)
+        pinched |= bool(colliders.pinched.any())
+        corners = simulation.positions[sheet.triangles]
+        points = np.einsum("wk,tkd->twd", weights, corners).reshape(-1, 3) - [0.0, 0.05, height]
+        off = np.linalg.norm(points - np.clip(points, -half, half), axis=1)
+        deepest = max(deepest, radius - off.min())
+    assert pinched
+    assert deepest < 0.0

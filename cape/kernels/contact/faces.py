@@ -1,7 +1,8 @@
 """Contact of triangles with colliders so thin, or with such sharp edges, that they would poke through between vertices.
 
 What a triangle's deepest point needs (`contact.deepest`), its corners get by their barycentric weights w:
-dv_i = w_i / m_i / sum(w_k^2 / m_k) du.
+dv_i = w_i / m_i / sum(w_k^2 / m_k) du. A corner that two colliders pinch stays where it is: the others give way alone,
+and the point no farther than to midway between two colliders that pinch it as well.
 """
 
 import math
@@ -11,6 +12,7 @@ from cape.kernels.bones import velocity_at
 from cape.kernels.contact.contact import EXIT, GRAZE, PASSES, Contact, at_start, is_fast, stopped, turn_of
 from cape.kernels.contact.deepest import deepest_on_triangle
 from cape.kernels.contact.order import from_order, to_order
+from cape.kernels.contact.pinch import FACING, gap_of
 from cape.kernels.contact.shapes import Faces, direction_to_world, into_shape, nearest, numbers_of, place, planes_by
 from cape.kernels.contact.slip import is_let_go
 from cape.kernels.contact.watch import (
@@ -53,7 +55,11 @@ def respond_on_triangle(contact, c, corners, weights, depth, normal, step, most)
     i, j, k = corners
     u, v, w = weights
     nx, ny, nz = normal
-    a, b, o = u * inverse_mass[i], v * inverse_mass[j], w * inverse_mass[k]
+    # What two colliders pinch stays in the middle between them.
+    pinched = contact.colliders.pinched
+    a = 0.0 if pinched[i] else u * inverse_mass[i]
+    b = 0.0 if pinched[j] else v * inverse_mass[j]
+    o = 0.0 if pinched[k] else w * inverse_mass[k]
     mobility = u * a + v * b + w * o
     if mobility <= 0.0:
         return 0.0
@@ -179,10 +185,9 @@ def collide_group(contact, faces, group, c, step):
             least = faces.middles.gaps[f - start]
             if slips_off(colliders, faces, f, c):
                 continue
-            if least < 0.0 and is_pinched(colliders, faces, f):
-                least = 0.0
-            elif least < 0.0 or follow:
-                least, inwards = collide_face(contact, faces, f, c, thickness, step, follow)
+            if least < 0.0 or follow:
+                follows = follow and not is_pinched(colliders, faces, f)
+                least, inwards = collide_face(contact, faces, f, c, thickness, step, follows)
                 hardest = max(hardest, inwards)
             gap = min(gap, least)
     return gap, speed, hardest
@@ -190,9 +195,35 @@ def collide_group(contact, faces, group, c, step):
 
 @inlined
 def is_pinched(colliders, faces, f):
-    """Tell whether two colliders pinch a corner of triangle f, which then gets as deep as it does."""
+    """Tell whether two colliders pinch a corner of triangle f, which then stays where it is between them."""
     pinched, corners = colliders.pinched, faces.corners
     return pinched[corners[0, f]] or pinched[corners[1, f]] or pinched[corners[2, f]]
+
+
+@routine
+def to_the_middle(contact, c, corners, weights, depth, normal):
+    """How far a point of a triangle, `depth` [m] too deep in collider c along a normal, may leave that.
+
+    That is to midway between this and another one that faces it, below zero where it is deeper in the other.
+    """
+    s, colliders = contact.state, contact.colliders
+    i, j, k = corners
+    u, v, w = weights
+    nx, ny, nz = normal
+    x, y, z = (
+        u * s.x[i] + v * s.x[j] + w * s.x[k],
+        u * s.y[i] + v * s.y[j] + w * s.y[k],
+        u * s.z[i] + v * s.z[j] + w * s.z[k],
+    )
+    room = math.inf
+    for n in range(1, colliders.active[0] + 1):
+        other = colliders.active[n]
+        if other != c:
+            place(colliders, other, contact.bones)
+            gap, mx, my, mz = gap_of(colliders, other, x, y, z, SHARE * contact.share)
+            if nx * mx + ny * my + nz * mz < FACING:
+                room = min(room, 0.5 * (gap + depth))
+    return room
 
 
 @inlined
@@ -342,9 +373,12 @@ def collide_face(contact, faces, f, c, thickness, step, follow):
     remember_gap(faces, f, c, first, second, third, bound)
     inwards = 0.0
     if -PIERCED * core <= distance < thickness:
-        inwards = respond_on_triangle(
-            contact, c, corners, (u, v, w), thickness - distance, direction_to_world(r, nx, ny, nz), step, most
-        )
+        normal, depth = direction_to_world(r, nx, ny, nz), thickness - distance
+        if is_pinched(colliders, faces, f):
+            depth = min(depth, to_the_middle(contact, c, corners, (u, v, w), depth, normal))
+            if depth <= 0.0:
+                return 0.0, 0.0
+        inwards = respond_on_triangle(contact, c, corners, (u, v, w), depth, normal, step, most)
     # Within the thickness the bound is lower than the distance by as much as the search leaves open: that is no depth.
     return min(distance, max(bound, thickness)) - thickness, inwards
 
