@@ -311,7 +311,9 @@ class Fitted:
                     found.append(Ring(radius, float(clear(radius)[0]), steepness))
             if found:
                 return min(found, key=lambda ring: ring.radius)
-        raise ValueRangeError(f"no collar of less than {WIDEST * self.height:.2f} m clears the neck")
+        raise ValueRangeError(
+            f"no collar of less than {WIDEST * self.height:.2f} m clears the neck: wear a garment without one (back_cape)"
+        )
 
     def girth(self, clearance: float) -> float:
         """Radius of the narrowest ring around the neck that could slip down over the shoulders and upper arms [m].
