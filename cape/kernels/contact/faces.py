@@ -48,6 +48,14 @@ class FaceContact(NamedTuple):
     faces: Faces
 
 
+@inlined
+def spared(outwards, change, fastest):
+    """The share of a change of speed [m/s] after which a corner that moves `outwards` is not faster than that."""
+    if change <= 0.0 or outwards + change <= fastest:
+        return 1.0
+    return max(fastest - outwards, 0.0) / change
+
+
 @routine
 def respond_on_triangle(contact, c, corners, weights, depth, normal, step, most):
     """Stop a point of a triangle at collider c, as `contact.respond` does a vertex; returns what that does."""
@@ -77,25 +85,35 @@ def respond_on_triangle(contact, c, corners, weights, depth, normal, step, most)
     ux, uy, uz = ux - rx, uy - ry, uz - rz
     depth -= step * (ux * nx + uy * ny + uz * nz)
     depth = min(max(depth, 0.0), most)
-    px, py, pz = step * ux + depth * nx, step * uy + depth * ny, step * uz + depth * nz
-    s.vx[i] += a * ux
-    s.vy[i] += a * uy
-    s.vz[i] += a * uz
-    s.vx[j] += b * ux
-    s.vy[j] += b * uy
-    s.vz[j] += b * uz
-    s.vx[k] += o * ux
-    s.vy[k] += o * uy
-    s.vz[k] += o * uz
-    s.x[i] += a * px
-    s.y[i] += a * py
-    s.z[i] += a * pz
-    s.x[j] += b * px
-    s.y[j] += b * py
-    s.z[j] += b * pz
-    s.x[k] += o * px
-    s.y[k] += o * py
-    s.z[k] += o * pz
+    ta, tb, to = 1.0, 1.0, 1.0
+    if pinched[i] or pinched[j] or pinched[k]:
+        # Those that are free make good for the ones that are not, but aren't thrown off for their sake.
+        p, q, r = (
+            (s.vx[i] - sx) * nx + (s.vy[i] - sy) * ny + (s.vz[i] - sz) * nz,
+            (s.vx[j] - sx) * nx + (s.vy[j] - sy) * ny + (s.vz[j] - sz) * nz,
+            (s.vx[k] - sx) * nx + (s.vy[k] - sy) * ny + (s.vz[k] - sz) * nz,
+        )
+        held = (u * p if pinched[i] else 0.0) + (v * q if pinched[j] else 0.0) + (w * r if pinched[k] else 0.0)
+        fastest, change = LEVER * min(max(-held, 0.0), EXIT), ux * nx + uy * ny + uz * nz
+        ta, tb, to = spared(p, a * change, fastest), spared(q, b * change, fastest), spared(r, o * change, fastest)
+    s.vx[i] += a * ta * ux
+    s.vy[i] += a * ta * uy
+    s.vz[i] += a * ta * uz
+    s.vx[j] += b * tb * ux
+    s.vy[j] += b * tb * uy
+    s.vz[j] += b * tb * uz
+    s.vx[k] += o * to * ux
+    s.vy[k] += o * to * uy
+    s.vz[k] += o * to * uz
+    s.x[i] += a * (ta * step * ux + depth * nx)
+    s.y[i] += a * (ta * step * uy + depth * ny)
+    s.z[i] += a * (ta * step * uz + depth * nz)
+    s.x[j] += b * (tb * step * ux + depth * nx)
+    s.y[j] += b * (tb * step * uy + depth * ny)
+    s.z[j] += b * (tb * step * uz + depth * nz)
+    s.x[k] += o * (to * step * ux + depth * nx)
+    s.y[k] += o * (to * step * uy + depth * ny)
+    s.z[k] += o * (to * step * uz + depth * nz)
     return inwards
 
 
