@@ -312,7 +312,7 @@ class Fitted:
             if found:
                 return min(found, key=lambda ring: ring.radius)
         raise ValueRangeError(
-            f"no collar of less than {WIDEST * self.height:.2f} m clears the neck: use one without it (back_cape)"
+            f"no collar of less than {WIDEST * self.height:.2f} m clears the neck: a back_cape needs none"
         )
 
     def girth(self, clearance: float) -> float:
