@@ -31,7 +31,7 @@ def normalize(q: FloatArray) -> FloatArray:
 def rotate(q: FloatArray, vectors: ArrayLike) -> FloatArray:
     """Rotate vectors (..., 3) by unit quaternions (..., 4), in the unit of the vectors."""
     (w, x, y, z), vectors = _parts(q), np.asarray(vectors)
-    vx, vy, vz = (vectors[..., k] for k in range(vectors.shape[-1]))  # `np.moveaxis` takes as long as all the rest
+    vx, vy, vz = (vectors[..., k] for k in range(vectors.shape[-1]))  # sooner than by np.moveaxis
     # v + w t + u x t with u = (x, y, z) and t = 2 u x v: 18 products, against 28 of two quaternion products.
     tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
     rotated = np.empty((*np.broadcast_shapes(w.shape, vx.shape), 3))

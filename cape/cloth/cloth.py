@@ -221,10 +221,10 @@ class Cloth(ABC):
         return read[0]
 
     def __post_init__(self) -> None:
-        """Make the arrays read-only."""
-        for array in (self.pattern, self.positions, self.neckline, *self.regions.values()):
-            if array is not None:
-                array.flags.writeable = False
+        """Make the arrays read-only; a ValueRangeError tells of what is none."""
+        tailoring.arrays_in(self, "faces", "corners", "rest", "threads")
+        for array in (*tailoring.arrays_in(self, "pattern", "positions", "neckline"), *self.regions.values()):
+            array.flags.writeable = False
 
     def moved(self, position: ArrayLike, rotation_wxyz: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> Self:
         """The same cloth, started elsewhere: turned about the world's origin, then shifted.

@@ -20,6 +20,19 @@ HEM = 0.024  # m, width of the sewn edge; the collar is twice as wide
 SLACK = 1.1  # length of the neckline over that of the way it is worn: room for the shoulders to move
 
 
+def arrays_in(thing: object, *names: str) -> list[NDArray[np.generic]]:
+    """The arrays that a thing holds under some names, where it holds any; lists would fail much later.
+
+    Raises:
+        ValueRangeError: one is no array.
+    """
+    found = {name: value for name in names if (value := getattr(thing, name, None)) is not None}
+    for name, value in found.items():
+        if not isinstance(value, np.ndarray):
+            raise ValueRangeError(f"{name} must be an array, not a {type(value).__name__}")
+    return list(found.values())
+
+
 def require_positive(**sizes: float) -> None:
     """Check sizes by their names.
 

@@ -293,3 +293,18 @@ def test_a_fault_of_its_own_is_left_as_it_is():
 )  # fmt: skip
 def test_kinds(value: Any, hint: Any, good: bool):
     assert fits(value, hint) == good
+
+
+@pytest.mark.parametrize("name", ["pattern", "positions", "faces", "corners", "rest"])
+def test_a_cloth_made_of_lists_is_refused_by_their_name(name: str):
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    arrays: dict[str, Any] = {
+        "pattern": corners[:, :2],
+        "positions": corners,
+        "faces": np.array([[0, 1, 2]]),
+        "rest": corners,
+    }
+    arrays["corners"] = corners[None, :, :2]
+    cape.MeshCloth(**arrays)
+    with pytest.raises(UserError, match=f"^{name} must be an array, not a list$"):
+        cape.MeshCloth(**{**arrays, name: arrays[name].tolist()})

@@ -5,7 +5,7 @@
 
 import pytest
 
-from cape import Solver
+from cape import Solver, SymplecticEuler
 from tests.support.arrangements import arrangement
 from tests.support.contact_judge import run
 from tests.support.scenes import both_by_default
@@ -23,6 +23,12 @@ def faults(solver: Solver, first: int) -> str:
 @pytest.mark.parametrize("first", range(0, COUNT, CHUNK))
 def test_random_arrangements_go_well(solver: Solver, first: int):
     assert faults(solver, first) == ""
+
+
+@pytest.mark.parametrize("number", [82, 368])
+def test_no_corner_is_thrown_off_for_the_sake_of_a_pinched_one(number: int):
+    """In these it was: at 1,200 and 1,000 m/s."""
+    assert run(arrangement(number), SymplecticEuler()).faults == []
 
 
 @pytest.mark.extra
